@@ -1,0 +1,123 @@
+//! Builds and runs: calls to cargo that need MuJoCo or a setting that plain cargo lacks.
+
+use std::env;
+use std::ffi::OsString;
+use std::fs;
+use std::io::{BufRead, BufReader, ErrorKind, IsTerminal};
+use std::path::{Path, PathBuf};
+use std::process::{Command, ExitStatus, Stdio};
+
+use crate::Failure;
+
+/// Builds `canter` in release mode and turns this process into it, so that signals and the exit code are its own.
+/// Comes back only with a failure.
+pub fn build_and_become_canter(root: &Path, arguments: &[OsString]) -> Failure {
+    if let Err(failure) = build_canter(root) {
+        return failure;
+    }
+    let binary = target_dir(root).join("release").join(format!("canter{}", env::consts::EXE_SUFFIX));
+    let mut canter = Command::new(&binary);
+    canter.args(arguments);
+    become_program(canter, &binary)
+}
+
+/// Quiet when nothing has to be compiled; otherwise cargo's lines are shown as they come.
+fn build_canter(root: &Path) -> Result<(), Failure> {
+    let mut cargo = cargo(root, "build");
+    cargo.args(["--release", "--package", "canter"]).stderr(Stdio::piped());
+    if std::io::stderr().is_terminal() {
+        cargo.args(["--color", "always"]);
+    }
+    let mut child = cargo.spawn().map_err(cannot_start_cargo)?;
+    if let Some(stderr) = child.stderr.take() {
+        let mut silent = true;
+        for line in BufReader::new(stderr).lines().map_while(Result::ok) {
+            // An up-to-date build prints this one line.
+            if !(silent && line.contains("Finished")) {
+                silent = false;
+                eprintln!("{line}");
+            }
+        }
+    }
+    passed(child.wait().map_err(cannot_start_cargo)?)
+}
+
+#[cfg(unix)]
+fn become_program(mut program: Command, path: &Path) -> Failure {
+    use std::os::unix::process::CommandExt;
+    let error = program.exec();
+    Failure::Task(format!("{} was built but does not start: {error}", path.display()))
+}
+
+#[cfg(not(unix))]
+fn become_program(mut program: Command, path: &Path) -> Failure {
+    match program.status() {
+        Ok(status) => Failure::Called(exit_code(status)),
+        Err(error) => Failure::Task(format!("{} was built but does not start: {error}", path.display())),
+    }
+}
+
+/// Unit, integration and documentation tests of every crate, on the release build that everything else uses too.
+pub fn test(root: &Path) -> Result<(), Failure> {
+    let status = cargo(root, "test").args(["--release", "--workspace"]).status().map_err(cannot_start_cargo)?;
+    passed(status)
+}
+
+/// Builds `no-std-proof`, which cannot be built when `gait` brings in `std` or `alloc`.
+pub fn no_std(root: &Path) -> Result<(), Failure> {
+    let package = root.join("xtask").join("no-std-proof");
+    // The same dependency versions as the workspace's; cargo drops the entries that the proof does not need.
+    let lock = package.join("Cargo.lock");
+    match fs::copy(root.join("Cargo.lock"), &lock) {
+        Err(error) if error.kind() != ErrorKind::NotFound => {
+            return Err(Failure::Task(format!("cannot write {}: {error}", lock.display())));
+        }
+        _ => {}
+    }
+    let status = cargo(&package, "build")
+        .arg("--quiet")
+        .arg("--target-dir")
+        .arg(target_dir(root).join("no-std-proof"))
+        .status()
+        .map_err(cannot_start_cargo)?;
+    if !status.success() {
+        return Err(Failure::Task(
+            "gait does not build without the standard library (the compiler's message is above).\n\
+             `panic_impl` found twice: something below gait uses std. `global memory allocator`: something uses alloc.\n\
+             Look at gait's dependencies and their default features: `cargo tree --package canter-gait --edges features`."
+                .to_owned(),
+        ));
+    }
+    println!("no-std: gait builds with neither std nor alloc");
+    Ok(())
+}
+
+/// `cargo COMMAND` on the manifest in `folder`, in the current directory (a relative `CARGO_TARGET_DIR` counts from it).
+fn cargo(folder: &Path, command: &str) -> Command {
+    let mut cargo = Command::new(env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
+    cargo.arg(command).arg("--manifest-path").arg(folder.join("Cargo.toml"));
+    cargo
+}
+
+/// Where cargo puts what it builds.
+fn target_dir(root: &Path) -> PathBuf {
+    match env::var_os("CARGO_TARGET_DIR") {
+        Some(folder) => env::current_dir().unwrap_or_default().join(folder),
+        None => root.join("target"),
+    }
+}
+
+fn passed(status: ExitStatus) -> Result<(), Failure> {
+    if status.success() { Ok(()) } else { Err(Failure::Called(exit_code(status))) }
+}
+
+/// The status' own code; 1 for a program that a signal ended.
+fn exit_code(status: ExitStatus) -> u8 {
+    status.code().and_then(|code| u8::try_from(code).ok()).unwrap_or(1)
+}
+
+// By value, for `map_err`.
+#[expect(clippy::needless_pass_by_value)]
+fn cannot_start_cargo(error: std::io::Error) -> Failure {
+    Failure::Task(format!("cannot run cargo: {error}"))
+}

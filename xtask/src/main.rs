@@ -1,0 +1,140 @@
+//! `cargo xtask`: the tasks of this repository that cargo has no command for.
+
+mod builds;
+mod equations;
+mod layering;
+mod mujoco;
+mod source;
+
+use std::env;
+use std::ffi::OsString;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+const HELP: &str = "\
+The tasks of this repository that cargo has no command for.
+
+Usage: cargo xtask <TASK>
+
+Tasks:
+  canter ARGS...       build the program `canter` and run it with ARGS; `cargo canter ARGS...` is the same
+  setup                fetch the physics engine MuJoCo into .mujoco/ (26 MB, once); canter and test do it when needed
+  test [--full]        run every test and documentation example; --full adds those that need Debian packages
+  layering             check which crate uses which, which may print, and that gait uses no std
+  equations [--check]  write docs/equations.md from the doc comments; --check fails when the file is out of date
+  no-std               prove by a build that gait needs no standard library
+";
+
+/// What ends a task: the exit code, and what the person should read.
+pub enum Failure {
+    /// The command line makes no sense.
+    Usage(String),
+    /// The task could not be done, or what it checks is wrong.
+    Task(String),
+    /// A program that this one called has failed, and has said why.
+    Called(u8),
+}
+
+fn main() -> ExitCode {
+    let mut arguments = env::args_os().skip(1);
+    let task = arguments.next();
+    let arguments: Vec<OsString> = arguments.collect();
+    match run(task, &arguments) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(Failure::Usage(message)) => {
+            eprintln!("error: {message}\n\n{HELP}");
+            ExitCode::from(2)
+        }
+        Err(Failure::Task(message)) => {
+            eprintln!("error: {message}");
+            ExitCode::FAILURE
+        }
+        Err(Failure::Called(code)) => ExitCode::from(code),
+    }
+}
+
+fn run(task: Option<OsString>, arguments: &[OsString]) -> Result<(), Failure> {
+    let root = repository_root();
+    let Some(task) = task else {
+        return Err(Failure::Usage("which task?".to_owned()));
+    };
+    let task = task.to_string_lossy();
+    match task.as_ref() {
+        "canter" => {
+            mujoco::ensure(&root)?;
+            Err(builds::build_and_become_canter(&root, arguments))
+        }
+        "setup" => {
+            flags(&task, arguments, &[])?;
+            if mujoco::is_there(&root) {
+                println!("MuJoCo {} is in {}", mujoco::VERSION, mujoco::folder(&root).display());
+            }
+            mujoco::ensure(&root)
+        }
+        "test" => {
+            let [full] = flags(&task, arguments, &["--full"])?;
+            mujoco::ensure(&root)?;
+            builds::test(&root)?;
+            if full {
+                println!("--full: there are no tests that need Debian packages yet; all tests have run.");
+            }
+            Ok(())
+        }
+        "layering" => {
+            flags(&task, arguments, &[])?;
+            layering::check(&root)
+        }
+        "equations" => {
+            let [check] = flags(&task, arguments, &["--check"])?;
+            if check { equations::check(&root) } else { equations::write(&root) }
+        }
+        "no-std" => {
+            flags(&task, arguments, &[])?;
+            builds::no_std(&root)
+        }
+        "help" | "--help" | "-h" => {
+            // A reader that closes the pipe early (`| head`) is no error.
+            let _ = std::io::stdout().write_all(HELP.as_bytes());
+            Ok(())
+        }
+        other => Err(Failure::Usage(format!("there is no task `{other}`"))),
+    }
+}
+
+/// Says for each flag in `known` whether it was given.
+///
+/// # Errors
+/// Any other argument is refused, with the flags that there are.
+fn flags<const N: usize>(task: &str, arguments: &[OsString], known: &[&str; N]) -> Result<[bool; N], Failure> {
+    let unknown = arguments.iter().find(|argument| !known.iter().any(|flag| argument == flag));
+    match unknown {
+        None => Ok(known.map(|flag| arguments.iter().any(|argument| argument == flag))),
+        Some(argument) => {
+            let argument = argument.to_string_lossy();
+            let takes = if N == 0 { "no arguments".to_owned() } else { format!("only {}", known.join(", ")) };
+            Err(Failure::Usage(format!("`{task}` takes {takes}, not `{argument}`")))
+        }
+    }
+}
+
+/// The folder of the workspace's `Cargo.toml`: the parent of this package's folder, which cargo gives when it runs us.
+fn repository_root() -> PathBuf {
+    let package =
+        env::var_os("CARGO_MANIFEST_DIR").map_or_else(|| PathBuf::from(env!("CARGO_MANIFEST_DIR")), PathBuf::from);
+    package.parent().map(Path::to_path_buf).unwrap_or(package)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn known_flags_are_found_and_others_refused() {
+        let given = [OsString::from("--check")];
+        assert!(matches!(flags("equations", &given, &["--check"]), Ok([true])));
+        assert!(matches!(flags("equations", &[], &["--check"]), Ok([false])));
+        let Err(Failure::Usage(message)) = flags("setup", &given, &[]) else { panic!("accepted") };
+        assert_eq!(message, "`setup` takes no arguments, not `--check`");
+    }
+}

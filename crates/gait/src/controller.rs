@@ -1,0 +1,284 @@
+//! One control step, from sensors to actuator targets.
+
+use crate::action::{ActionLaw, Modulation, component};
+use crate::kinematics::{Leg, LegPosition};
+use crate::network::Network;
+use crate::normaliser::Normaliser;
+use crate::observation::{ObservationBlock, Sensors, observation_len, observe};
+use crate::phase::PhaseClock;
+use crate::prior::Gait;
+
+/// What stands between sensors and actuator targets, except for the policy: it never changes while the robot runs.
+#[derive(Clone, Copy, Debug)]
+pub struct Controller<'a> {
+    legs: &'a [Leg],
+    gait: Gait<'a>,
+    law: ActionLaw,
+    blocks: &'a [ObservationBlock],
+}
+
+/// A policy that is ready to run: its network and the normaliser of its observation.
+#[derive(Clone, Copy, Debug)]
+pub struct Policy<'a> {
+    /// Frozen statistics of the observation.
+    pub normaliser: Normaliser<'a>,
+    /// From the normalised observation to the action.
+    pub network: Network<'a>,
+}
+
+impl Policy<'_> {
+    /// The action for an observation, which is normalised in place.
+    ///
+    /// # Shapes
+    /// - `observation`: `(O)`
+    /// - `hidden`: `(2 H)`, see [`Network::workspace_len`]
+    /// - `action`: `(A)`
+    #[inline(always)]
+    pub fn act(&self, observation: &mut [f32], hidden: &mut [f32], action: &mut [f32]) {
+        self.normaliser.apply(observation);
+        self.network.forward(observation, hidden, action);
+    }
+}
+
+/// Buffers that one control step writes; the caller owns them.
+#[derive(Debug)]
+pub struct Workspace<'a> {
+    /// `(O)`
+    pub observation: &'a mut [f32],
+    /// `(2 H)`
+    pub hidden: &'a mut [f32],
+    /// `(A)` holds the previous action on entry and the new one on return.
+    pub action: &'a mut [f32],
+}
+
+impl<'a> Controller<'a> {
+    /// Puts a controller together; `None` unless the gait has a part for each leg.
+    pub fn new(legs: &'a [Leg], gait: Gait<'a>, law: ActionLaw, blocks: &'a [ObservationBlock]) -> Option<Self> {
+        (legs.len() == gait.legs.len()).then_some(Self { legs, gait, law, blocks })
+    }
+
+    /// The gait that is modulated.
+    pub fn gait(&self) -> Gait<'a> {
+        self.gait
+    }
+
+    /// The action law.
+    pub fn law(&self) -> ActionLaw {
+        self.law
+    }
+
+    /// Number of motors, M, and of actuators: two a leg.
+    pub fn num_motors(&self) -> usize {
+        2 * self.legs.len()
+    }
+
+    /// Number of components of the action, A.
+    pub fn num_actions(&self) -> usize {
+        self.law.modulation.num_actions(self.legs.len())
+    }
+
+    /// Number of components of the observation, O.
+    pub fn num_observations(&self) -> usize {
+        observation_len(self.blocks, self.num_motors(), self.num_actions())
+    }
+
+    /// Writes the raw observation, `(O)`, see [`observe`].
+    #[inline]
+    pub fn observe(&self, sensors: &Sensors<'_>, clock: &PhaseClock, previous_action: &[f32], observation: &mut [f32]) {
+        observe(self.blocks, sensors, clock.phase(), previous_action, observation);
+    }
+
+    /// Writes the actuator targets under `action` and moves the clock on by one control step.
+    ///
+    /// # Shapes
+    /// - `action`: `(A)`, clamped to [-1, 1] here
+    /// - `targets`: `(M)` [rad], two for each leg in the order of the legs
+    #[inline]
+    pub fn act(&self, action: &[f32], clock: &mut PhaseClock, control_dt_s: f32, targets: &mut [f32]) {
+        let phase = clock.phase();
+        for (i, ((leg, leg_gait), target)) in
+            self.legs.iter().zip(self.gait.legs).zip(targets.chunks_exact_mut(2)).enumerate()
+        {
+            let position = match self.law.modulation {
+                // One radian of motor angle for an action of 1, as eq. 4 has for amplitudes.
+                Modulation::Direct => leg.motors.invert([component(action, 2 * i), component(action, 2 * i + 1)]),
+                Modulation::Amplitude | Modulation::LegAmplitude | Modulation::Modulate => {
+                    leg_gait.position(phase, &self.law.leg_parameters(leg_gait, i, action))
+                }
+            };
+            command(leg, position, target);
+        }
+        clock.advance(self.law.stride_frequency_hz(&self.gait, action), control_dt_s);
+    }
+
+    /// Writes the actuator targets of the prior alone, `(M)` [rad], and moves the clock on by one control step.
+    #[inline]
+    pub fn act_prior(&self, clock: &mut PhaseClock, control_dt_s: f32, targets: &mut [f32]) {
+        for ((leg, leg_gait), target) in self.legs.iter().zip(self.gait.legs).zip(targets.chunks_exact_mut(2)) {
+            command(leg, leg_gait.position(clock.phase(), &leg_gait.defaults), target);
+        }
+        clock.advance(self.gait.stride_frequency_hz, control_dt_s);
+    }
+
+    /// One control step on the robot: sensors in, actuator targets, `(M)` [rad], out.
+    #[inline]
+    pub fn step(
+        &self,
+        policy: &Policy<'_>,
+        sensors: &Sensors<'_>,
+        clock: &mut PhaseClock,
+        control_dt_s: f32,
+        workspace: &mut Workspace<'_>,
+        targets: &mut [f32],
+    ) {
+        self.observe(sensors, clock, workspace.action, workspace.observation);
+        policy.act(workspace.observation, workspace.hidden, workspace.action);
+        self.act(workspace.action, clock, control_dt_s, targets);
+    }
+}
+
+/// Limits a leg position and writes its two actuator targets.
+#[inline]
+fn command(leg: &Leg, position: LegPosition, target: &mut [f32]) {
+    let values = leg.actuators.apply(leg.limits.clamp(position));
+    for (to, from) in target.iter_mut().zip(values) {
+        *to = from;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::action::{ParameterRanges, Range};
+    use crate::kinematics::{FiveBar, LegGeometry, LegLimits, LinearMap};
+    use crate::network::NetworkShape;
+    use crate::prior::{LegGait, LegParameters, SineWave, Waveform};
+
+    const UNIT: Range = Range { low: -1.0, high: 1.0 };
+    const RANGES: ParameterRanges = ParameterRanges {
+        frequency_factor: Range { low: 0.5, high: 2.0 },
+        swing_amplitude: Range { low: 0.0, high: 1.0 },
+        extension_amplitude: Range { low: 0.0, high: 1.0 },
+        swing_offset: UNIT,
+        extension_offset: UNIT,
+    };
+
+    fn leg() -> Leg {
+        Leg {
+            geometry: LegGeometry::FiveBar(FiveBar::new(0.09, 0.162, 0.17).unwrap()),
+            motors: LinearMap::five_bar_motors(),
+            actuators: LinearMap::identity(),
+            limits: LegLimits { swing: [-1.2, 1.2], extension: [-0.5, 0.5] },
+        }
+    }
+
+    fn legs_gait() -> [LegGait; 2] {
+        let part = |phase_offset| LegGait {
+            waveform: Waveform::Sine(SineWave { extension_phase: 0.75 }),
+            phase_offset,
+            defaults: LegParameters { swing_amplitude: 0.4, extension_amplitude: 0.45, ..LegParameters::default() },
+        };
+        [part(0.0), part(0.5)]
+    }
+
+    fn controller<'a>(
+        legs: &'a [Leg],
+        parts: &'a [LegGait],
+        modulation: Modulation,
+        authority: f32,
+        blocks: &'a [ObservationBlock],
+    ) -> Controller<'a> {
+        let law = ActionLaw { modulation, authority, ranges: RANGES };
+        Controller::new(legs, Gait { stride_frequency_hz: 2.0, legs: parts }, law, blocks).unwrap()
+    }
+
+    #[test]
+    fn authority_zero_is_the_prior_byte_for_byte_over_a_whole_walk() {
+        let (legs, parts) = ([leg(); 2], legs_gait());
+        for modulation in [Modulation::Amplitude, Modulation::LegAmplitude, Modulation::Modulate] {
+            let controller = controller(&legs, &parts, modulation, 0.0, &[]);
+            let (mut with_policy, mut alone) = (PhaseClock::at(0.1), PhaseClock::at(0.1));
+            for step in 0..500 {
+                let action = [libm::sinf(step as f32 * 0.37); 17];
+                let (mut a, mut b) = ([0.0; 4], [0.0; 4]);
+                controller.act(&action, &mut with_policy, 0.01, &mut a);
+                controller.act_prior(&mut alone, 0.01, &mut b);
+                assert_eq!(a.map(f32::to_bits), b.map(f32::to_bits));
+                assert_eq!(with_policy, alone);
+            }
+        }
+    }
+
+    #[test]
+    fn direct_commands_motor_angles_within_the_leg_limits() {
+        let (legs, parts) = ([leg(); 2], legs_gait());
+        let controller = controller(&legs, &parts, Modulation::Direct, 1.0, &[]);
+        let mut targets = [0.0; 4];
+        controller.act(&[0.2, 0.6, -1.0, 1.0], &mut PhaseClock::default(), 0.01, &mut targets);
+        // Motors 0.2 and 0.6: swing 0.4, extension 0.2. Motors -1 and 1: extension 1, limited to 0.5.
+        for (actual, expected) in targets.iter().zip([0.4, 0.2, 0.0, 0.5]) {
+            assert!((actual - expected).abs() < 1e-6);
+        }
+    }
+
+    #[test]
+    fn a_step_runs_the_whole_chain() {
+        let (legs, parts) = ([leg(); 2], legs_gait());
+        let blocks = [ObservationBlock::MotorAngles, ObservationBlock::PreviousAction];
+        let controller = controller(&legs, &parts, Modulation::Amplitude, 0.5, &blocks);
+        let shape = NetworkShape { input: 6, hidden: 4, output: 2 };
+        // All weights zero but the last biases: the action is tanh(0.5), tanh(-0.5) whatever the observation.
+        let mut parameters = [0.0; 6 * 4 + 4 + 16 + 4 + 8 + 2];
+        parameters[56] = 0.5;
+        parameters[57] = -0.5;
+        let policy = Policy {
+            normaliser: Normaliser { mean: &[0.0; 6], inverse_std: &[1.0; 6] },
+            network: Network::new(shape, &parameters).unwrap(),
+        };
+        let sensors = Sensors {
+            motor_angles: &[0.1, 0.2, 0.3, 0.4],
+            motor_velocities: &[0.0; 4],
+            orientation: [0.0; 3],
+            angular_velocity_in_body: [0.0; 3],
+        };
+        let (mut observation, mut hidden, mut action, mut targets) = ([0.0; 6], [0.0; 8], [0.9, -0.9], [0.0; 4]);
+        let mut clock = PhaseClock::at(0.25);
+        let mut workspace = Workspace { observation: &mut observation, hidden: &mut hidden, action: &mut action };
+        controller.step(&policy, &sensors, &mut clock, 0.01, &mut workspace, &mut targets);
+        assert_eq!(observation, [0.1, 0.2, 0.3, 0.4, 0.9, -0.9]);
+        // swing = 0.5 tanh(0.5) + 0.5 * 0.4 = 0.4310586 at a quarter of the cycle, and its negative half a cycle later
+        assert!((targets[0] - 0.431_058_6).abs() < 1e-6 && (targets[2] + 0.431_058_6).abs() < 1e-6);
+        assert!((clock.phase() - 0.27).abs() < 1e-6);
+    }
+
+    #[test]
+    fn short_or_unreal_input_cannot_panic() {
+        let (legs, parts) = ([leg(); 2], legs_gait());
+        for modulation in Modulation::ALL {
+            let controller = controller(&legs, &parts, modulation, 1.0, &ObservationBlock::ALL);
+            let mut clock = PhaseClock::default();
+            let mut targets = [0.0; 4];
+            for action in [&[][..], &[f32::NAN; 17], &[f32::INFINITY; 3]] {
+                controller.act(action, &mut clock, f32::NAN, &mut targets);
+                assert!(targets.iter().all(|target| target.is_finite()), "{modulation:?} {action:?}");
+            }
+            controller.act(&[0.5; 17], &mut clock, 0.01, &mut targets[..3]);
+            let sensors = Sensors {
+                motor_angles: &[],
+                motor_velocities: &[f32::NAN],
+                orientation: [0.0; 3],
+                angular_velocity_in_body: [0.0; 3],
+            };
+            controller.observe(&sensors, &clock, &[], &mut [0.0; 3]);
+        }
+        assert!(
+            Controller::new(
+                &legs,
+                Gait { stride_frequency_hz: 2.0, legs: &parts[..1] },
+                controller(&legs, &parts, Modulation::Amplitude, 0.5, &[]).law(),
+                &[]
+            )
+            .is_none()
+        );
+    }
+}

@@ -1,0 +1,381 @@
+//! The environment: one robot, one task, one simulation.
+
+use std::collections::VecDeque;
+use std::sync::Arc;
+
+use canter_gait::{LegGeometry, LegPosition, PhaseClock, Sensors};
+
+use crate::accident::{Accident, StuckTimer};
+use crate::frame::{self, Matrix3};
+use crate::mujoco::Simulation;
+use crate::reward::{Motion, RewardTerms, accident_penalty, mechanical_work_j};
+use crate::task::Task;
+
+/// What one env step brought.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct StepOutcome {
+    /// The reward, the accident's penalty included.
+    pub reward: f64,
+    /// The reward's terms without that penalty.
+    pub terms: RewardTerms,
+    /// Work of the motors [J].
+    pub work_j: f64,
+    /// The accident that ended the episode.
+    pub terminated: Option<Accident>,
+    /// Whether the time limit or the goal ended the episode.
+    pub truncated: bool,
+}
+
+/// One robot in its world. Nothing is shared with other environments but the task, which never changes.
+#[derive(Debug)]
+pub struct Env {
+    task: Arc<Task>,
+    simulation: Simulation,
+    clock: PhaseClock,
+    /// `(A)` the action of the step before, clamped.
+    previous_action: Vec<f32>,
+    /// Commands on their way to the motors, oldest first; each `(M)` [rad].
+    commands: VecDeque<Vec<f32>>,
+    stuck: StuckTimer,
+    env_steps: u32,
+    return_so_far: f64,
+    sensed: Sensed,
+    buffers: Buffers,
+}
+
+/// The sensors' readings, kept because [`Sensors`] only borrows.
+#[derive(Debug)]
+struct Sensed {
+    motor_angles: Vec<f32>,
+    motor_velocities: Vec<f32>,
+    orientation: [f32; 3],
+    angular_velocity_in_body: [f32; 3],
+}
+
+/// `(M)` working memory of a step.
+#[derive(Debug)]
+struct Buffers {
+    torques: Vec<f64>,
+    velocities: Vec<f64>,
+}
+
+impl Env {
+    /// An environment that still has to be [reset](Self::reset).
+    pub fn new(task: Arc<Task>) -> Self {
+        let mut model = task.robot.model.clone();
+        model.set_timestep_s(task.settings.physics_dt_s);
+        model.set_gravity(frame::gravity_in_ground(model.gravity(), task.settings.slope_deg.to_radians()));
+        if let Some(friction) = task.settings.friction {
+            model.set_friction(friction);
+        }
+        let simulation = Simulation::new(&model);
+        Self::with_simulation(task, simulation)
+    }
+
+    /// An environment on a simulation that the caller has prepared: what-if studies of the model's numbers.
+    ///
+    /// The task's time step, slope and friction are the caller's to set.
+    pub fn with_simulation(task: Arc<Task>, simulation: Simulation) -> Self {
+        let num_motors = 2 * task.robot.legs.len();
+        let delay = task.robot.settings.command_delay_steps as usize;
+        Self {
+            simulation,
+            clock: PhaseClock::default(),
+            previous_action: vec![0.0; task.num_actions()],
+            commands: (0..=delay).map(|_| vec![0.0; num_motors]).collect(),
+            stuck: StuckTimer::default(),
+            env_steps: 0,
+            return_so_far: 0.0,
+            sensed: Sensed {
+                motor_angles: vec![0.0; num_motors],
+                motor_velocities: vec![0.0; num_motors],
+                orientation: [0.0; 3],
+                angular_velocity_in_body: [0.0; 3],
+            },
+            buffers: Buffers { torques: vec![0.0; num_motors], velocities: vec![0.0; num_motors] },
+            task,
+        }
+    }
+
+    /// The task.
+    pub fn task(&self) -> &Arc<Task> {
+        &self.task
+    }
+
+    /// The simulation, read-only.
+    pub fn simulation(&self) -> &Simulation {
+        &self.simulation
+    }
+
+    /// Starts an episode from standing: feet on the ground, a random phase of the gait, and noise on heading, tilt
+    /// and leg angles.
+    ///
+    /// `uniform` gives random numbers in [0, 1).
+    ///
+    /// # Shapes
+    /// - `observation`: `(O)`, raw
+    pub fn reset(&mut self, uniform: &mut dyn FnMut() -> f64, observation: &mut [f32]) {
+        let noise_rad = self.task.settings.start_noise_rad;
+        let noise = |uniform: &mut dyn FnMut() -> f64| noise_rad * (2.0 * uniform() - 1.0);
+        self.simulation.reset();
+        self.clock = PhaseClock::at(uniform() as f32);
+        self.previous_action.fill(0.0);
+        self.stuck = StuckTimer::default();
+        self.env_steps = 0;
+        self.return_so_far = 0.0;
+
+        let [roll, pitch, yaw] = [noise(uniform), noise(uniform), noise(uniform)];
+        let ground_from_body = frame::from_euler(roll, pitch, yaw);
+        let robot = &self.task.robot;
+        let mut lowest_foot_m = f64::INFINITY;
+        for (i, leg) in robot.legs.iter().enumerate() {
+            let position =
+                leg.limits.clamp(LegPosition { swing: noise(uniform) as f32, extension: noise(uniform) as f32 });
+            let [first, second] = leg.actuators.apply(position);
+            for command in &mut self.commands {
+                command[2 * i] = first;
+                command[2 * i + 1] = second;
+            }
+            place_leg(&mut self.simulation, robot, i, position);
+        }
+        let (root, _) = robot.root;
+        let quaternion = frame::quaternion(&ground_from_body);
+        self.simulation.qpos_mut()[root + 3..root + 7].copy_from_slice(&quaternion);
+        self.simulation.forward();
+        for address in &robot.leg_addresses {
+            let foot_m = self.simulation.geom_positions_in_world()[address.foot][2];
+            lowest_foot_m = lowest_foot_m.min(foot_m - robot.model.geom_radius_m(address.foot));
+        }
+        // The ground is the plane z = 0.
+        self.simulation.qpos_mut()[root + 2] -= lowest_foot_m;
+        self.observe(observation);
+    }
+
+    /// One control step with the policy's action.
+    ///
+    /// # Shapes
+    /// - `action`: `(A)`, clamped to [-1, 1] here
+    /// - `observation`: `(O)`, raw
+    pub fn step(&mut self, action: &[f32], observation: &mut [f32]) -> StepOutcome {
+        let mut squared_action_change = 0.0;
+        for (previous, new) in self.previous_action.iter_mut().zip(action) {
+            let new = new.clamp(-1.0, 1.0);
+            squared_action_change += f64::from((new - *previous) * (new - *previous));
+            *previous = new;
+        }
+        let mut command = self.commands.pop_front().unwrap_or_default();
+        let control_dt_s = self.task.settings.control_dt_s as f32;
+        self.task.controller().act(&self.previous_action, &mut self.clock, control_dt_s, &mut command);
+        self.commands.push_back(command);
+        self.advance(squared_action_change, observation)
+    }
+
+    /// One control step of the prior alone.
+    ///
+    /// # Shapes
+    /// - `observation`: `(O)`, raw
+    pub fn step_prior(&mut self, observation: &mut [f32]) -> StepOutcome {
+        let mut command = self.commands.pop_front().unwrap_or_default();
+        let control_dt_s = self.task.settings.control_dt_s as f32;
+        self.task.controller().act_prior(&mut self.clock, control_dt_s, &mut command);
+        self.commands.push_back(command);
+        self.advance(0.0, observation)
+    }
+
+    /// Simulates one control step under the command whose time has come.
+    fn advance(&mut self, squared_action_change: f64, observation: &mut [f32]) -> StepOutcome {
+        let before = self.position_in_ground();
+        let work_j = self.simulate();
+        self.env_steps += 1;
+        self.observe(observation);
+
+        let after = self.position_in_ground();
+        let unstable = self.simulation.is_unstable() || !frame::is_sane(self.simulation.qpos(), self.simulation.qvel());
+        let accident = if unstable { Some(Accident::Unstable) } else { self.accident() };
+        let motion = Motion {
+            displacement_in_ground: std::array::from_fn(|axis| after[axis] - before[axis]),
+            work_j,
+            squared_action_change,
+        };
+        // A state that makes no sense has no reward that does.
+        let terms = if unstable {
+            RewardTerms::default()
+        } else {
+            RewardTerms::new(&self.task.reward, &self.task.scale, &motion)
+        };
+        let mut reward = terms.total();
+        self.return_so_far += reward;
+        if accident.is_some() {
+            reward += accident_penalty(self.task.settings.accident_return_weight, self.return_so_far);
+        }
+        let at_goal = self.task.settings.goal_distance_m.is_some_and(|goal| after[0] >= goal);
+        let truncated = accident.is_none() && (at_goal || self.env_steps >= self.task.max_env_steps);
+        StepOutcome { reward, terms, work_j, terminated: accident, truncated }
+    }
+
+    /// The physics steps of one control step; returns the motors' work [J].
+    fn simulate(&mut self) -> f64 {
+        let robot = &self.task.robot;
+        let motor = robot.motor();
+        if let Some(command) = self.commands.front() {
+            for (pair, address) in command.chunks_exact(2).zip(&robot.leg_addresses) {
+                for (value, actuator) in pair.iter().zip(address.actuators) {
+                    self.simulation.ctrl_mut()[actuator] = f64::from(*value);
+                }
+            }
+        }
+        let mut work_j = 0.0;
+        for _ in 0..self.task.num_substeps {
+            for (i, address) in robot.leg_addresses.iter().enumerate() {
+                for (j, (joint, (_, dof))) in address.motor_joints.into_iter().zip(address.motors).enumerate() {
+                    let velocity = self.simulation.qvel()[dof];
+                    self.buffers.velocities[2 * i + j] = velocity;
+                    self.simulation.set_torque_range(joint, motor.torque_range_nm(velocity));
+                }
+            }
+            self.simulation.step();
+            for (i, address) in robot.leg_addresses.iter().enumerate() {
+                for (j, (_, dof)) in address.motors.into_iter().enumerate() {
+                    self.buffers.torques[2 * i + j] = self.simulation.actuator_torques()[dof];
+                }
+            }
+            work_j +=
+                mechanical_work_j(&self.buffers.torques, &self.buffers.velocities, self.task.settings.physics_dt_s);
+        }
+        work_j
+    }
+
+    /// Reads the sensors and writes the observation.
+    fn observe(&mut self, observation: &mut [f32]) {
+        let robot = &self.task.robot;
+        let (qpos, qvel) = (self.simulation.qpos(), self.simulation.qvel());
+        let reference = robot.model.reference_position();
+        for (i, (position, velocity)) in robot.leg_addresses.iter().flat_map(|leg| leg.motors).enumerate() {
+            self.sensed.motor_angles[i] = (qpos[position] - reference[position]) as f32;
+            self.sensed.motor_velocities[i] = qvel[velocity] as f32;
+        }
+        let (_, root_velocity) = robot.root;
+        // MuJoCo gives a free joint's angular velocity in the body's own frame.
+        self.sensed.angular_velocity_in_body = std::array::from_fn(|axis| qvel[root_velocity + 3 + axis] as f32);
+        let gravity_from_ground = frame::from_euler(0.0, -self.task.settings.slope_deg.to_radians(), 0.0);
+        let gravity_from_body = frame::multiply(&gravity_from_ground, &self.ground_from_body());
+        self.sensed.orientation = frame::to_euler(&gravity_from_body).map(|angle| angle as f32);
+        let sensors = Sensors {
+            motor_angles: &self.sensed.motor_angles,
+            motor_velocities: &self.sensed.motor_velocities,
+            orientation: self.sensed.orientation,
+            angular_velocity_in_body: self.sensed.angular_velocity_in_body,
+        };
+        self.task.controller().observe(&sensors, &self.clock, &self.previous_action, observation);
+    }
+
+    /// Which accident has happened, if any; keeps the time that legs have been stuck.
+    fn accident(&mut self) -> Option<Accident> {
+        let task = &self.task;
+        let limits = &task.robot.settings.limits;
+        let error_rad = self.command_error_rad();
+        let stuck_s = self.stuck.update(error_rad, limits.stuck_error_rad, task.settings.control_dt_s);
+        let up = self.ground_from_body()[2][2];
+        if up < limits.max_tilt_deg.to_radians().cos() {
+            Some(Accident::Rollover)
+        } else if self.position_in_ground()[2] < limits.min_height_m {
+            Some(Accident::TooLow)
+        } else if stuck_s >= limits.stuck_time_s {
+            Some(Accident::LegStuck)
+        } else {
+            None
+        }
+    }
+
+    /// Largest difference between commanded and actual leg position over all legs [rad].
+    fn command_error_rad(&self) -> f64 {
+        let Some(command) = self.commands.front() else { return 0.0 };
+        let legs =
+            self.task.robot.legs.iter().zip(command.chunks_exact(2)).zip(self.sensed.motor_angles.chunks_exact(2));
+        legs.map(|((leg, command), angles)| {
+            let commanded = leg.actuators.invert([command[0], command[1]]);
+            let actual = leg.motors.invert([angles[0], angles[1]]);
+            f64::from((commanded.swing - actual.swing).abs().max((commanded.extension - actual.extension).abs()))
+        })
+        .fold(0.0, f64::max)
+    }
+
+    /// Position of the body in the ground's frame: forward, left, up [m].
+    pub fn position_in_ground(&self) -> [f64; 3] {
+        let (root, _) = self.task.robot.root;
+        std::array::from_fn(|axis| self.simulation.qpos()[root + axis])
+    }
+
+    /// Rotation from the body's frame to the ground's. Gravity is tilted instead of the ground, so MuJoCo's world is the ground's frame.
+    fn ground_from_body(&self) -> Matrix3 {
+        let (root, _) = self.task.robot.root;
+        frame::from_quaternion(std::array::from_fn(|i| self.simulation.qpos()[root + 3 + i]))
+    }
+
+    /// Heading against the ground's forward axis, positive to the left [rad].
+    pub fn heading_rad(&self) -> f64 {
+        frame::to_euler(&self.ground_from_body())[2]
+    }
+
+    /// The gait's phase [cycles].
+    pub fn phase(&self) -> f32 {
+        self.clock.phase()
+    }
+
+    /// Env steps since the start of the episode.
+    pub fn env_steps(&self) -> u32 {
+        self.env_steps
+    }
+
+    /// Everything that the next step depends on.
+    pub fn state(&self) -> Vec<f64> {
+        let mut state =
+            vec![f64::from(self.clock.phase()), f64::from(self.env_steps), self.return_so_far, self.stuck.seconds()];
+        state.extend(self.previous_action.iter().map(|&value| f64::from(value)));
+        state.extend(self.commands.iter().flatten().map(|&value| f64::from(value)));
+        state.extend(self.simulation.state());
+        state
+    }
+
+    /// Restores what [`state`](Self::state) gave for the same task, and writes the observation, `(O)`.
+    ///
+    /// # Errors
+    /// A state of another length is refused; the environment must then be reset before it is used.
+    pub fn set_state(&mut self, state: &[f64], observation: &mut [f32]) -> Result<(), String> {
+        let num_motors = 2 * self.task.robot.legs.len();
+        let own = 4 + self.previous_action.len() + self.commands.len() * num_motors;
+        let Some((own, physics)) = state.split_at_checked(own) else {
+            return Err(format!("{} numbers are too few for an environment's state", state.len()));
+        };
+        self.simulation.set_state(physics)?;
+        self.clock = PhaseClock::at(own[0] as f32);
+        self.env_steps = own[1] as u32;
+        self.return_so_far = own[2];
+        self.stuck = StuckTimer::at(own[3]);
+        let rest = self.previous_action.iter_mut().chain(self.commands.iter_mut().flatten());
+        for (target, value) in rest.zip(&own[4..]) {
+            *target = *value as f32;
+        }
+        self.observe(observation);
+        Ok(())
+    }
+}
+
+/// Puts a leg's joints where its position in leg space has them, the loop closed.
+fn place_leg(simulation: &mut Simulation, robot: &crate::robot::Robot, index: usize, position: LegPosition) {
+    let (leg, address) = (&robot.legs[index], &robot.leg_addresses[index]);
+    let reference = robot.model.reference_position();
+    let angles = leg.motors.apply(position);
+    for (angle, (place, _)) in angles.into_iter().zip(address.motors) {
+        simulation.qpos_mut()[place] = reference[place] + f64::from(angle);
+    }
+    let LegGeometry::FiveBar(five_bar) = leg.geometry;
+    // Angle between upper and lower link: gamma + beta, counted from the standing pose.
+    let fold = |extension: f32| {
+        f64::from(five_bar.stance_half_angle() - extension) + f64::from(five_bar.lower_link_angle(extension))
+    };
+    let change = fold(position.extension) - fold(0.0);
+    for (sign, place) in [-1.0, 1.0].into_iter().zip(address.knees) {
+        simulation.qpos_mut()[place] = reference[place] + sign * change;
+    }
+}

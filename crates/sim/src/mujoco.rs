@@ -1,0 +1,282 @@
+//! The one place that names MuJoCo: loading a model, stepping it, reading and restoring its state.
+
+use std::path::Path;
+use std::sync::{Mutex, Once, PoisonError};
+
+use mujoco_rs::mujoco_c::{mjtState, mjtWarning};
+use mujoco_rs::wrappers::mj_data::MjData;
+use mujoco_rs::wrappers::mj_logging::MjLogMessage;
+use mujoco_rs::wrappers::mj_model::{MjModel, MjtJoint, MjtObjBase};
+
+/// What identifies an object of the model by its name.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ObjectKind {
+    /// A body.
+    Body,
+    /// A joint.
+    Joint,
+    /// A geom.
+    Geom,
+    /// An actuator.
+    Actuator,
+}
+
+impl ObjectKind {
+    fn to_mujoco(self) -> MjtObjBase {
+        match self {
+            Self::Body => MjtObjBase::mjOBJ_BODY,
+            Self::Joint => MjtObjBase::mjOBJ_JOINT,
+            Self::Geom => MjtObjBase::mjOBJ_GEOM,
+            Self::Actuator => MjtObjBase::mjOBJ_ACTUATOR,
+        }
+    }
+}
+
+/// What MuJoCo said since the last model was loaded; it would otherwise write a log file into the working directory.
+static MESSAGES: Mutex<Vec<String>> = Mutex::new(Vec::new());
+
+/// At most this many of MuJoCo's messages are kept.
+const MAX_MESSAGES: usize = 100;
+
+fn keep_message(message: &MjLogMessage) {
+    let mut messages = MESSAGES.lock().unwrap_or_else(PoisonError::into_inner);
+    if messages.len() < MAX_MESSAGES {
+        messages.push(message.subject().to_owned());
+    }
+}
+
+/// Sends MuJoCo's messages to [`MESSAGES`], from the first call on.
+fn keep_messages() {
+    static INSTALLED: Once = Once::new();
+    INSTALLED.call_once(|| {
+        // SAFETY: every model is loaded by way of this function, so no thread of ours can use MuJoCo before the first call ends.
+        unsafe { mujoco_rs::logging::set_log_handler(keep_message) };
+    });
+}
+
+/// Takes what MuJoCo has said since the last call, at most the first 100 messages.
+pub fn take_messages() -> Vec<String> {
+    std::mem::take(&mut *MESSAGES.lock().unwrap_or_else(PoisonError::into_inner))
+}
+
+/// A compiled MuJoCo model.
+#[derive(Debug)]
+pub struct Model(MjModel);
+
+impl Model {
+    /// Compiles the MJCF or URDF at `path`.
+    ///
+    /// # Errors
+    /// MuJoCo's own words about what is wrong with the file.
+    pub fn load(path: &Path) -> Result<Self, String> {
+        keep_messages();
+        MjModel::from_xml(path).map(Self).map_err(|error| error.to_string().trim().to_owned())
+    }
+
+    /// Compiles a model that is text: MJCF without other files.
+    ///
+    /// # Errors
+    /// MuJoCo's own words about what is wrong with it.
+    pub fn parse(text: &str) -> Result<Self, String> {
+        keep_messages();
+        MjModel::from_xml_string(text).map(Self).map_err(|error| error.to_string().trim().to_owned())
+    }
+
+    /// The number of the object of this name.
+    pub fn id(&self, kind: ObjectKind, name: &str) -> Option<usize> {
+        self.0.name_to_id(kind.to_mujoco(), name)
+    }
+
+    /// The total mass [kg].
+    pub fn total_mass_kg(&self) -> f64 {
+        self.0.totalmass()
+    }
+
+    /// Magnitude of gravity [m/s^2].
+    pub fn gravity(&self) -> f64 {
+        self.0.opt().gravity.iter().map(|component| component * component).sum::<f64>().sqrt()
+    }
+
+    /// Number of actuators, nu.
+    pub fn num_actuators(&self) -> usize {
+        self.0.ffi().nu as usize
+    }
+
+    /// Number of degrees of freedom, nv.
+    pub fn num_dofs(&self) -> usize {
+        self.0.ffi().nv as usize
+    }
+
+    /// Where the joint's position and velocity stand in `qpos` and `qvel`.
+    pub fn joint_addresses(&self, joint: usize) -> (usize, usize) {
+        (self.0.jnt_qposadr()[joint] as usize, self.0.jnt_dofadr()[joint] as usize)
+    }
+
+    /// The body's first joint, if it is free: the body floats.
+    pub fn free_joint(&self, body: usize) -> Option<usize> {
+        let joint = usize::try_from(self.0.body_jntadr()[body]).ok()?;
+        (self.0.jnt_type()[joint] == MjtJoint::mjJNT_FREE).then_some(joint)
+    }
+
+    /// A position of the reference configuration, `qpos0`.
+    pub fn reference_position(&self) -> &[f64] {
+        self.0.qpos0()
+    }
+
+    /// Radius of a sphere geom [m], its largest half extent otherwise.
+    pub fn geom_radius_m(&self, geom: usize) -> f64 {
+        self.0.geom_size()[geom].iter().copied().fold(0.0, f64::max)
+    }
+
+    /// Sets the time step of [`Simulation::step`] [s].
+    pub fn set_timestep_s(&mut self, timestep_s: f64) {
+        self.0.opt_mut().timestep = timestep_s;
+    }
+
+    /// Sets gravity [m/s^2].
+    pub fn set_gravity(&mut self, gravity: [f64; 3]) {
+        self.0.opt_mut().gravity = gravity;
+    }
+
+    /// Sets the sliding friction of every geom and contact pair.
+    pub fn set_friction(&mut self, friction: f64) {
+        for geom in self.0.geom_friction_mut() {
+            geom[0] = friction;
+        }
+        for pair in self.0.pair_friction_mut() {
+            pair[0] = friction;
+            pair[1] = friction;
+        }
+    }
+
+    /// The model for changes that this interface does not name: what-if studies of single numbers.
+    ///
+    /// After a change of masses or sizes the caller owes MuJoCo a [`Simulation::update_constants`].
+    pub fn raw_mut(&mut self) -> &mut MjModel {
+        &mut self.0
+    }
+
+    /// The model, read-only, for what this interface does not name.
+    pub fn raw(&self) -> &MjModel {
+        &self.0
+    }
+}
+
+impl Clone for Model {
+    fn clone(&self) -> Self {
+        Self(self.0.clone())
+    }
+}
+
+/// A model with its state.
+#[derive(Debug)]
+pub struct Simulation {
+    data: MjData<Box<MjModel>>,
+}
+
+impl Simulation {
+    /// A simulation of its own copy of the model, in the reference configuration.
+    pub fn new(model: &Model) -> Self {
+        Self { data: MjData::new(Box::new(model.0.clone())) }
+    }
+
+    /// Recomputes what MuJoCo derives from masses and sizes at compile time.
+    pub fn update_constants(&mut self) {
+        self.data.set_const();
+    }
+
+    /// Back to the reference configuration at time 0, without warnings.
+    pub fn reset(&mut self) {
+        self.data.reset();
+    }
+
+    /// One physics step.
+    #[inline]
+    pub fn step(&mut self) {
+        self.data.step();
+    }
+
+    /// Computes all that follows from positions, velocities and controls, without moving on.
+    pub fn forward(&mut self) {
+        self.data.forward();
+    }
+
+    /// The generalised positions, `(nq)` [m, rad].
+    pub fn qpos(&self) -> &[f64] {
+        self.data.qpos()
+    }
+
+    /// The generalised positions, `(nq)` [m, rad].
+    pub fn qpos_mut(&mut self) -> &mut [f64] {
+        self.data.qpos_mut()
+    }
+
+    /// The generalised velocities, `(nv)` [m/s, rad/s].
+    pub fn qvel(&self) -> &[f64] {
+        self.data.qvel()
+    }
+
+    /// The generalised velocities, `(nv)` [m/s, rad/s].
+    pub fn qvel_mut(&mut self) -> &mut [f64] {
+        self.data.qvel_mut()
+    }
+
+    /// The actuator targets, `(nu)`.
+    pub fn ctrl_mut(&mut self) -> &mut [f64] {
+        self.data.ctrl_mut()
+    }
+
+    /// Forces of the actuators in joint space as of the last step, `(nv)` [N, N m].
+    pub fn actuator_torques(&self) -> &[f64] {
+        self.data.qfrc_actuator()
+    }
+
+    /// Limits the torque that the actuators may put on a joint from the next step on [N m].
+    #[inline]
+    pub fn set_torque_range(&mut self, joint: usize, range: [f64; 2]) {
+        // SAFETY: only two numbers of the model change; no size, index or address does.
+        unsafe { self.data.model_mut() }.jnt_actfrcrange_mut()[joint] = range;
+    }
+
+    /// Positions of the geoms' centres in the world as of the last step, `(ngeom x 3)` [m].
+    pub fn geom_positions_in_world(&self) -> &[[f64; 3]] {
+        self.data.geom_xpos()
+    }
+
+    /// Positions of the bodies in the world as of the last step, `(nbody x 3)` [m].
+    pub fn body_positions_in_world(&self) -> &[[f64; 3]] {
+        self.data.xpos()
+    }
+
+    /// Simulated time [s].
+    pub fn time_s(&self) -> f64 {
+        self.data.time()
+    }
+
+    /// Whether MuJoCo has met a number it could not go on with since the last reset.
+    ///
+    /// MuJoCo then resets the state silently and goes on.
+    pub fn is_unstable(&self) -> bool {
+        const UNSTABLE: [mjtWarning; 4] = [
+            mjtWarning::mjWARN_BADQPOS,
+            mjtWarning::mjWARN_BADQVEL,
+            mjtWarning::mjWARN_BADQACC,
+            mjtWarning::mjWARN_BADCTRL,
+        ];
+        UNSTABLE.iter().any(|&warning| self.data.warning()[warning as usize].number > 0)
+    }
+
+    /// Everything that the next step depends on, the solver's warm start included.
+    pub fn state(&self) -> Vec<f64> {
+        self.data.state(mjtState::mjSTATE_INTEGRATION as u32).into_vec()
+    }
+
+    /// Restores what [`state`](Self::state) gave for the same model.
+    ///
+    /// # Errors
+    /// A state of another length is refused.
+    pub fn set_state(&mut self, state: &[f64]) -> Result<(), String> {
+        self.data.reset();
+        self.data.set_state(state, mjtState::mjSTATE_INTEGRATION as u32).map_err(|error| error.to_string())
+    }
+}

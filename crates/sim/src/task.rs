@@ -1,0 +1,288 @@
+//! What is to be done: a robot, a gait, what a policy may see and change, the ground, the reward.
+
+use std::sync::Arc;
+
+use canter_gait::observation::observation_len;
+use canter_gait::prior::LegGait;
+use canter_gait::{ActionLaw, Controller, Gait, Modulation, ObservationBlock, ParameterRanges, Range};
+
+use crate::reward::{RewardScale, RewardWeights};
+use crate::robot::Robot;
+use crate::settings::{Problems, above};
+use crate::{choices, settings};
+
+settings! {
+    /// Time, ground, start and end of an episode.
+    pub struct TaskSettings {
+        /// Time between two commands [s]. Doggo's firmware takes commands at 100 Hz.
+        pub control_dt_s: f64 in 1e-4..=0.1,
+        /// Time of one physics step [s]; divides `control_dt_s`.
+        pub physics_dt_s: f64 in 1e-5..=0.01,
+        /// Time limit of an episode [s].
+        pub episode_s: f64 in 0.1..=1000.0,
+        /// An episode ends well when the robot has come this far [m]; absent: no goal.
+        pub goal_distance_m: Option<f64> in above(0.0),
+        /// Slope of the ground, positive uphill [deg].
+        pub slope_deg: f64 in -45.0..=45.0,
+        /// Sliding friction between feet and ground; absent: the model's own.
+        pub friction: Option<f64> in 0.0..=10.0,
+        /// What is left of the return after an accident, see the paper's section II.B.
+        pub accident_return_weight: f64 in 0.0..=1.0,
+        /// Largest change of the starting heading, tilt and leg angles [rad], drawn uniformly.
+        pub start_noise_rad: f64 in 0.0..=0.5,
+    }
+}
+
+settings! {
+    /// Weights of the reward's terms (eq. 6), dimensionless: lengths in leg lengths, work in units of lifting the robot by one.
+    pub struct RewardSettings {
+        /// Moving forward.
+        pub forward: f64 in 0.0..=1e3,
+        /// Moving sideways.
+        pub drift: f64 in 0.0..=1e3,
+        /// Moving up and down.
+        pub bounce: f64 in 0.0..=1e3,
+        /// The motors' work. The energy term divided by the forward term is this weight times the cost of transport.
+        pub energy: f64 in 0.0..=1e3,
+        /// Changing the action; not in the paper.
+        pub action_rate: f64 in 0.0..=1e3,
+    }
+}
+
+settings! {
+    /// What the policy sees and what it may change.
+    pub struct PolicySettings {
+        /// Name of the gait in the robot's robot.toml.
+        pub prior: String,
+        /// What the policy may change.
+        pub modulation: ModulationChoice,
+        /// How much of it: 0 leaves the gait untouched, 0.5 is the paper's half and half, 1 is free.
+        pub authority: f64 in 0.0..=1.0,
+        /// What the policy sees, in this order.
+        pub observation: Vec<BlockChoice>,
+        /// Box of the gait parameters that `modulate` may use.
+        pub ranges: RangeSettings,
+    }
+}
+
+settings! {
+    /// Least and greatest value of each gait parameter.
+    pub struct RangeSettings {
+        /// Stride frequency as a multiple of the prior's.
+        pub frequency_factor: Vec<f64> in 0.1..=10.0,
+        /// Swing amplitude [rad].
+        pub swing_amplitude_rad: Vec<f64> in -2.0..=2.0,
+        /// Extension amplitude [rad].
+        pub extension_amplitude_rad: Vec<f64> in -2.0..=2.0,
+        /// Change of the angle about which a leg swings [rad].
+        pub swing_offset_rad: Vec<f64> in -2.0..=2.0,
+        /// Change of the extension about which a leg moves [rad].
+        pub extension_offset_rad: Vec<f64> in -2.0..=2.0,
+    }
+}
+
+choices! {
+    /// What a policy may change, see [`Modulation`].
+    pub enum ModulationChoice {
+        /// Swing and extension amplitude of all legs together: the paper.
+        Amplitude = "amplitude",
+        /// Swing and extension amplitude of each leg.
+        LegAmplitude = "leg-amplitude",
+        /// The stride frequency, and amplitudes and offsets of each leg.
+        Modulate = "modulate",
+        /// The motor angles, without a prior: the paper's control experiment.
+        Direct = "direct",
+    }
+}
+
+choices! {
+    /// One block of the observation, see [`ObservationBlock`].
+    pub enum BlockChoice {
+        /// Angles of the motor joints.
+        MotorAngles = "motor_angles",
+        /// Velocities of the motor joints.
+        MotorVelocities = "motor_velocities",
+        /// Roll, pitch, yaw.
+        Orientation = "orientation",
+        /// Angular velocity in the body's frame.
+        AngularVelocity = "angular_velocity",
+        /// Sine and cosine of the gait's phase.
+        Phase = "phase",
+        /// The previous action.
+        PreviousAction = "previous_action",
+    }
+}
+
+impl ModulationChoice {
+    /// The controller's word for it.
+    pub fn modulation(self) -> Modulation {
+        match self {
+            Self::Amplitude => Modulation::Amplitude,
+            Self::LegAmplitude => Modulation::LegAmplitude,
+            Self::Modulate => Modulation::Modulate,
+            Self::Direct => Modulation::Direct,
+        }
+    }
+}
+
+impl BlockChoice {
+    /// The controller's word for it.
+    pub fn block(self) -> ObservationBlock {
+        match self {
+            Self::MotorAngles => ObservationBlock::MotorAngles,
+            Self::MotorVelocities => ObservationBlock::MotorVelocities,
+            Self::Orientation => ObservationBlock::Orientation,
+            Self::AngularVelocity => ObservationBlock::AngularVelocity,
+            Self::Phase => ObservationBlock::Phase,
+            Self::PreviousAction => ObservationBlock::PreviousAction,
+        }
+    }
+}
+
+/// A robot and all that is asked of it; many environments share one.
+#[derive(Clone, Debug)]
+pub struct Task {
+    /// The robot.
+    pub robot: Arc<Robot>,
+    /// Time, ground, start and end of an episode.
+    pub settings: TaskSettings,
+    /// The reward's weights.
+    pub reward: RewardWeights,
+    /// What makes the reward dimensionless.
+    pub scale: RewardScale,
+    /// Physics steps of one env step.
+    pub num_substeps: u32,
+    /// Env steps of one episode.
+    pub max_env_steps: u32,
+    stride_frequency_hz: f32,
+    legs: Vec<LegGait>,
+    law: ActionLaw,
+    blocks: Vec<ObservationBlock>,
+}
+
+impl Task {
+    /// Puts a task together and checks what only shows when the parts meet.
+    ///
+    /// Problems are reported at `policy.*` and `task.*`, the tables of a preset.
+    ///
+    /// # Errors
+    /// Returns everything that is wrong, added to `problems`.
+    pub fn new(
+        robot: Arc<Robot>,
+        settings: &TaskSettings,
+        reward: &RewardSettings,
+        policy: &PolicySettings,
+        mut problems: Problems,
+    ) -> Result<Self, Problems> {
+        let num_substeps = (settings.control_dt_s / settings.physics_dt_s).round();
+        if (num_substeps * settings.physics_dt_s - settings.control_dt_s).abs() > 1e-9 || num_substeps < 1.0 {
+            let message = format!("control_dt_s = {} is not a whole number of physics steps", settings.control_dt_s);
+            problems.at("task.physics_dt_s", message);
+        }
+        if policy.observation.is_empty() {
+            problems.at("policy.observation", "a policy has to see something");
+        }
+        for (i, block) in policy.observation.iter().enumerate() {
+            if policy.observation[..i].contains(block) {
+                problems.at(&format!("policy.observation[{i}]"), format!("`{}` is there already", block.name()));
+            }
+        }
+        let gait = robot.gait(&policy.prior);
+        if gait.is_none() {
+            let known: Vec<_> = robot.gaits.iter().map(|gait| format!("`{}`", gait.name)).collect();
+            let message = format!(
+                "{} has no gait called `{}`: there are {}",
+                robot.settings.name,
+                policy.prior,
+                known.join(", ")
+            );
+            problems.at("policy.prior", message);
+        }
+        let ranges = parameter_ranges(&policy.ranges, gait.map_or(&[][..], |gait| &gait.legs), &mut problems);
+        problems.finish(())?;
+        let (Some(gait), Some(ranges)) = (gait, ranges) else {
+            unreachable!("a missing gait or range is a problem");
+        };
+        let leg_length_m = robot.settings.stance_height_m;
+        let lift_energy_j = robot.model.total_mass_kg() * robot.model.gravity() * leg_length_m;
+        Ok(Self {
+            settings: settings.clone(),
+            reward: RewardWeights {
+                forward: reward.forward,
+                drift: reward.drift,
+                bounce: reward.bounce,
+                energy: reward.energy,
+                action_rate: reward.action_rate,
+            },
+            scale: RewardScale { leg_length_m, lift_energy_j },
+            num_substeps: num_substeps as u32,
+            max_env_steps: (settings.episode_s / settings.control_dt_s).round().max(1.0) as u32,
+            stride_frequency_hz: gait.stride_frequency_hz,
+            legs: gait.legs.clone(),
+            law: ActionLaw { modulation: policy.modulation.modulation(), authority: policy.authority as f32, ranges },
+            blocks: policy.observation.iter().map(|block| block.block()).collect(),
+            robot,
+        })
+    }
+
+    /// The same task with another gait of the robot as its prior.
+    pub fn with_gait(&self, name: &str) -> Option<Self> {
+        let gait = self.robot.gait(name)?;
+        Some(Self { stride_frequency_hz: gait.stride_frequency_hz, legs: gait.legs.clone(), ..self.clone() })
+    }
+
+    /// The code that runs on the robot, for this task.
+    pub fn controller(&self) -> Controller<'_> {
+        let gait = Gait { stride_frequency_hz: self.stride_frequency_hz, legs: &self.legs };
+        Controller::new(&self.robot.legs, gait, self.law, &self.blocks).expect("every leg has its part of the gait")
+    }
+
+    /// What the policy observes.
+    pub fn blocks(&self) -> &[ObservationBlock] {
+        &self.blocks
+    }
+
+    /// Number of components of the observation, O.
+    pub fn num_observations(&self) -> usize {
+        observation_len(&self.blocks, 2 * self.legs.len(), self.num_actions())
+    }
+
+    /// Number of components of the action, A.
+    pub fn num_actions(&self) -> usize {
+        self.law.modulation.num_actions(self.legs.len())
+    }
+}
+
+/// The box of parameters; every leg's defaults must lie in it, so that an untrained policy can be the prior.
+fn parameter_ranges(settings: &RangeSettings, legs: &[LegGait], problems: &mut Problems) -> Option<ParameterRanges> {
+    let mut range = |key: &str, values: &[f64], defaults: &[f32]| {
+        let [low, high] = *values else {
+            problems.at(&format!("policy.ranges.{key}"), "expected a least and a greatest value");
+            return None;
+        };
+        let range = Range { low: low as f32, high: high as f32 };
+        if let Some(outside) = defaults.iter().find(|&&default| default < range.low || default > range.high) {
+            let message = format!("the prior's own value, {outside}, lies outside");
+            problems.at(&format!("policy.ranges.{key}"), message);
+        }
+        Some(range)
+    };
+    let of_legs = |value: fn(&LegGait) -> f32| legs.iter().map(value).collect::<Vec<_>>();
+    let frequency_factor = range("frequency_factor", &settings.frequency_factor, &[1.0]);
+    let swing_amplitude =
+        range("swing_amplitude_rad", &settings.swing_amplitude_rad, &of_legs(|leg| leg.defaults.swing_amplitude));
+    let extension_amplitude = range(
+        "extension_amplitude_rad",
+        &settings.extension_amplitude_rad,
+        &of_legs(|leg| leg.defaults.extension_amplitude),
+    );
+    let swing_offset = range("swing_offset_rad", &settings.swing_offset_rad, &[0.0]);
+    let extension_offset = range("extension_offset_rad", &settings.extension_offset_rad, &[0.0]);
+    Some(ParameterRanges {
+        frequency_factor: frequency_factor?,
+        swing_amplitude: swing_amplitude?,
+        extension_amplitude: extension_amplitude?,
+        swing_offset: swing_offset?,
+        extension_offset: extension_offset?,
+    })
+}

@@ -1,8 +1,9 @@
 """Writes gae.json: generalised advantages of random cases, by the definition and not by the recursion.
 
-A_t is the sum over l of (gamma lambda)^l delta_{t+l} (Schulman et al. 2016, eq. 16), from step t to the end of its episode
-or of the rollout. delta = r + gamma V(next) - V, where V(next) is 0 after an accident, the value of the last observation
-before the reset after a limit, and else the value of the next step's observation. Needs Python 3 only.
+A_t is the sum over l of (gamma lambda)^l delta_{t+l} (Schulman et al. 2016, eq. 16), from step t to the end of its
+episode or of the rollout. delta = r + gamma V(next) - V, where V(next) is 0 after an accident, the value of the
+last observation before the reset after a limit, and else the value of the next step's observation. Needs Python 3
+only.
 """
 
 import json

@@ -125,7 +125,12 @@ impl Stepping {
         moves.then_some(Self { parameters, geometry, centre, half_range })
     }
 
-    /// The parameters with which [`leg_position`] gives the firmware's trajectory.
+    /// What the trajectory was made from.
+    pub fn parameters(&self) -> SteppingParameters {
+        self.parameters
+    }
+
+    /// The parameters with which [`LegGait::position`] gives the firmware's trajectory.
     pub fn defaults(&self) -> LegParameters {
         LegParameters {
             swing_amplitude: self.half_range.swing,

@@ -148,6 +148,10 @@ impl ActorCritic {
 
 /// Writes a layer's weights: `gain` times a random matrix whose rows or columns, whichever are fewer, are orthonormal.
 ///
+/// ```text
+/// W = gain Q,  Q' Q = I  (or Q Q' = I)
+/// ```
+///
 /// Source: Saxe, McClelland and Ganguli 2014; here by Gram-Schmidt on Gaussian vectors, each twice for rounding.
 fn fill_orthogonal(layer: LayerSpan, gain: f64, rng: &mut ChaCha8Rng, parameters: &mut [f32]) {
     let (count, length) = (layer.inputs.min(layer.outputs), layer.inputs.max(layer.outputs));

@@ -125,6 +125,10 @@ impl PpoWorkspace {
 /// # Panics
 /// If parameters, rollout, settings or workspace do not belong to the model and to each other.
 ///
+/// ```text
+/// for each epoch, for each minibatch B:  parameters <- Adam(parameters, gradient of the mean loss over B)
+/// ```
+///
 /// Source: Schulman et al. 2017, algorithm 1; the paper, section II.A.
 pub fn update(
     parameters: &mut [f32],

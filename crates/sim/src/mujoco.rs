@@ -280,3 +280,8 @@ impl Simulation {
         self.data.set_state(state, mjtState::mjSTATE_INTEGRATION as u32).map_err(|error| error.to_string())
     }
 }
+
+/// Version of the MuJoCo library that is in use.
+pub fn version() -> String {
+    mujoco_rs::mujoco_version().to_owned()
+}

@@ -1,0 +1,147 @@
+//! What may be typed. Doc comments here are the program's help.
+
+use std::path::PathBuf;
+
+use clap::{Args, Parser, Subcommand};
+
+/// Learns a faster version of a legged robot's own gait, in simulation.
+///
+/// A first run: `canter train` trains Stanford Doggo's trot for a minute and says how much faster it became.
+#[derive(Debug, Parser)]
+#[command(name = "canter", version, arg_required_else_help = true, after_help = EXIT_CODES)]
+pub struct Cli {
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+const EXIT_CODES: &str = "\
+Exit codes: 0 done; 1 failed, with a message; 2 wrong usage; 130 stopped by Ctrl-C or SIGTERM, everything saved.";
+
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Train a policy and judge it against the hand-made gait
+    Train(TrainArgs),
+    /// Go on with a training that was stopped
+    Resume(ResumeArgs),
+    /// Measure a trained policy, or a bare gait
+    Eval(EvalArgs),
+    /// List the robots, or explain one
+    Robots(RobotsArgs),
+    /// Print a preset with the meaning of every value
+    Config(ConfigArgs),
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  canter train                                     Doggo's trot, our best settings
+  canter train paper --seed 3                      the paper's method
+  canter train doggo --set policy.authority=0.5    keep half of the hand-made gait
+  canter train my-robot.toml --out runs/first      a configuration of your own
+
+Ctrl-C ends the training after the current iteration and saves it; `canter resume` goes on.")]
+pub struct TrainArgs {
+    /// Name of a preset, or path of a configuration file (see `canter config`)
+    #[arg(default_value = canter_train::config::DEFAULT_PRESET)]
+    pub preset: String,
+    /// Seed of every random stream; the same seed gives the same bytes, whatever the number of threads
+    #[arg(long, value_name = "N")]
+    pub seed: Option<u64>,
+    /// Worker threads; as many as there are cores if not given
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub threads: Option<u16>,
+    /// Env steps of training; short for `--set training.max_env_steps=N`
+    #[arg(long, value_name = "N")]
+    pub steps: Option<u64>,
+    /// The run directory; `runs/PRESET-SEED-n` if not given
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+    /// Override one value of the preset; may be given several times
+    #[arg(long = "set", value_name = "KEY=VALUE", value_parser = key_value)]
+    pub overrides: Vec<(String, String)>,
+}
+
+#[derive(Debug, Args)]
+pub struct ResumeArgs {
+    /// The run directory
+    pub run: PathBuf,
+    /// Worker threads; as many as there are cores if not given
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub threads: Option<u16>,
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  canter eval runs/doggo-1-1                       the policy, its prior and the default gaits
+  canter eval runs/doggo-1-1 --slope 10 --json     ten degrees uphill, for a program
+  canter eval --robot doggo --prior stepping       a bare gait
+
+Every gait starts from the same random states. Speed is the forward displacement after the first second.")]
+pub struct EvalArgs {
+    /// The run directory of a trained policy
+    #[arg(required_unless_present_all = ["robot", "prior"], conflicts_with_all = ["robot", "prior"])]
+    pub run: Option<PathBuf>,
+    /// Robot of a bare gait: a name (see `canter robots`) or the path of a robot.toml
+    #[arg(long, value_name = "NAME", requires = "prior")]
+    pub robot: Option<String>,
+    /// Name of a bare gait of that robot
+    #[arg(long, value_name = "NAME", requires = "robot")]
+    pub prior: Option<String>,
+    /// Slope of the ground, positive uphill [deg]
+    #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
+    pub slope: Option<f64>,
+    /// Sliding friction between feet and ground
+    #[arg(long, value_name = "X")]
+    pub friction: Option<f64>,
+    /// Episodes of each gait
+    #[arg(long, value_name = "N")]
+    pub episodes: Option<usize>,
+    /// Seed of the random starts
+    #[arg(long, value_name = "N")]
+    pub seed: Option<u64>,
+    /// Worker threads; as many as there are cores if not given
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub threads: Option<u16>,
+    /// Print JSON instead of a table
+    #[arg(long)]
+    pub json: bool,
+}
+
+#[derive(Debug, Args)]
+pub struct RobotsArgs {
+    /// Name of a robot, or path of a robot.toml: prints it with the meaning of every value
+    pub robot: Option<String>,
+}
+
+#[derive(Debug, Args)]
+pub struct ConfigArgs {
+    /// Name of a preset, or path of a configuration file; without it the presets are listed
+    pub preset: Option<String>,
+    /// Override one value of the preset; may be given several times
+    #[arg(long = "set", value_name = "KEY=VALUE", value_parser = key_value)]
+    pub overrides: Vec<(String, String)>,
+}
+
+/// `KEY=VALUE` in its two parts.
+fn key_value(text: &str) -> Result<(String, String), String> {
+    let (key, value) = text.split_once('=').ok_or("expected KEY=VALUE, for example ppo.gamma=0.98")?;
+    Ok((key.trim().to_owned(), value.trim().to_owned()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::CommandFactory;
+
+    #[test]
+    fn the_command_line_is_consistent() {
+        Cli::command().debug_assert();
+    }
+
+    #[test]
+    fn overrides_split_at_the_first_equals_sign() {
+        assert_eq!(key_value("a.b = x=y").unwrap(), ("a.b".to_owned(), "x=y".to_owned()));
+        assert!(key_value("gamma").is_err());
+    }
+}

@@ -1,0 +1,125 @@
+//! `canter train` and `canter resume`.
+
+use std::path::Path;
+use std::process::ExitCode;
+use std::time::Instant;
+
+use canter_sim::mujoco;
+use canter_train::config::{open_preset, resolve};
+use canter_train::evaluate::judge;
+use canter_train::executor::Workers;
+use canter_train::policy_file::PolicyFile;
+use canter_train::run::{self, Ending};
+use canter_train::run_directory::{RunDirectory, policy_path, read_config};
+use canter_train::trainer::Trainer;
+use serde_json::json;
+
+use crate::args::{ResumeArgs, TrainArgs};
+use crate::commands::workers;
+use crate::error::{CliError, STOPPED};
+use crate::interrupt::stop_flag;
+use crate::output::{complain, say};
+use crate::progress::ProgressLine;
+use crate::verdict::describe;
+
+/// `canter train`.
+pub fn train(args: &TrainArgs) -> Result<ExitCode, CliError> {
+    let mut document = open_preset(&args.preset)?;
+    for (key, value) in &args.overrides {
+        document.set(key, value);
+    }
+    if let Some(seed) = args.seed {
+        document.set("seed", &seed.to_string());
+    }
+    if let Some(steps) = args.steps {
+        document.set("training.max_env_steps", &steps.to_string());
+    }
+    let resolved = resolve(&document)?;
+    let workers = workers(args.threads)?;
+    let stem = Path::new(&args.preset).file_stem().map_or_else(|| "run".into(), |stem| stem.to_string_lossy());
+    let directory = RunDirectory::create(args.out.as_deref(), &stem, &resolved.config)?;
+    say(&format!(
+        "Training {} on {}'s gait `{}`: {} env steps, seed {}, {} threads, into {}",
+        args.preset,
+        resolved.task.robot.settings.name,
+        resolved.config.policy.prior,
+        resolved.config.training.max_env_steps,
+        resolved.config.seed,
+        workers.num_threads(),
+        directory.path().display()
+    ));
+    go_on(Trainer::new(resolved), &directory, &workers)
+}
+
+/// `canter resume`.
+pub fn resume(args: &ResumeArgs) -> Result<ExitCode, CliError> {
+    let directory = RunDirectory::open(&args.run)?;
+    let resolved = read_config(&args.run)?;
+    let workers = workers(args.threads)?;
+    let mut trainer = Trainer::new(resolved);
+    let (checkpoint, skipped) = directory.newest_checkpoint()?;
+    for reason in skipped {
+        complain(&format!("skipping a damaged checkpoint: {reason}"));
+    }
+    checkpoint.restore(&mut trainer)?;
+    directory.truncate_metrics(checkpoint.iterations())?;
+    say(&format!(
+        "Going on after {} env steps of {}, {} threads, in {}",
+        trainer.progress().env_steps,
+        trainer.resolved().config.training.max_env_steps,
+        workers.num_threads(),
+        directory.path().display()
+    ));
+    go_on(trainer, &directory, &workers)
+}
+
+/// Trains to the end and judges the result.
+fn go_on(mut trainer: Trainer, directory: &RunDirectory, workers: &Workers) -> Result<ExitCode, CliError> {
+    let stop = stop_flag()?;
+    let start = Instant::now();
+    let steps_before = trainer.progress().env_steps;
+    let mut line = ProgressLine::new(&trainer.resolved().config, trainer.progress());
+    let (mut collect_s, mut update_s) = (0.0, 0.0);
+    let ending = run::train(&mut trainer, directory, workers, &stop, &mut |report| {
+        collect_s += report.collect_s;
+        update_s += report.update_s;
+        line.show(report);
+    });
+    line.finish();
+    let ending = ending?;
+    let train_s = start.elapsed().as_secs_f64();
+    let env_steps = trainer.progress().env_steps;
+    let run = directory.path().display();
+    if ending == Ending::Stopped {
+        say(&format!("Stopped after {env_steps} env steps, saved. Go on with:  canter resume {run}"));
+        return Ok(ExitCode::from(STOPPED));
+    }
+    directory.write_json(
+        "run.json",
+        &json!({
+            "canter": env!("CARGO_PKG_VERSION"),
+            "mujoco": mujoco::version(),
+            "threads": workers.num_threads(),
+            "env_steps": env_steps - steps_before,
+            "train_s": train_s,
+            "collect_s": collect_s,
+            "update_s": update_s,
+        }),
+    )?;
+    say(&format!(
+        "Trained {} env steps in {train_s:.0} s: {:.0} steps/s, {:.0} % of the time updating. Now judging.",
+        env_steps - steps_before,
+        (env_steps - steps_before) as f64 / train_s,
+        100.0 * update_s / (collect_s + update_s)
+    ));
+    let resolved = trainer.resolved();
+    let policy = PolicyFile::of(&trainer);
+    let config = &resolved.config;
+    let verdict = judge(&resolved.task, &config.policy.prior, Some(&policy.policy()), &config.evaluation, workers);
+    directory.write_json("eval.json", &serde_json::to_value(&verdict).expect("a verdict has string keys only"))?;
+    say(&format!("\n{}\n", describe(&verdict)));
+    say(&format!("Policy:   {}", policy_path(directory.path()).display()));
+    say(&format!("Numbers:  {run}/eval.json, metrics.jsonl, config.toml"));
+    say(&format!("Again:    canter eval {run} --slope 10"));
+    Ok(ExitCode::SUCCESS)
+}

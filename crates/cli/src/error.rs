@@ -1,0 +1,38 @@
+//! The one place where errors meet.
+
+use canter_sim::RobotError;
+use canter_sim::settings::Problems;
+use canter_train::checkpoint::CheckpointError;
+use canter_train::config::ConfigError;
+use canter_train::policy_file::PolicyError;
+use canter_train::run::TrainError;
+use canter_train::run_directory::RunError;
+
+/// Exit code of a failure with a message.
+pub const FAILURE: u8 = 1;
+
+/// Exit code of a training that was stopped by a signal, as shells have it for SIGINT.
+pub const STOPPED: u8 = 130;
+
+/// Whatever ends a command early.
+#[derive(Debug, thiserror::Error)]
+pub enum CliError {
+    #[error(transparent)]
+    Config(#[from] ConfigError),
+    #[error(transparent)]
+    Problems(#[from] Problems),
+    #[error(transparent)]
+    Robot(#[from] RobotError),
+    #[error(transparent)]
+    Run(#[from] RunError),
+    #[error(transparent)]
+    Train(#[from] TrainError),
+    #[error("this checkpoint cannot be used: {0}")]
+    Checkpoint(#[from] CheckpointError),
+    #[error("this policy cannot be used: {0}")]
+    Policy(#[from] PolicyError),
+    #[error("cannot start the worker threads: {0}")]
+    Threads(std::io::Error),
+    #[error("cannot listen for Ctrl-C: {0}")]
+    Signals(#[from] ctrlc::Error),
+}

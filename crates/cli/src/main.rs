@@ -1,0 +1,32 @@
+//! The program `canter`: parse, call, print.
+
+mod args;
+mod commands;
+mod error;
+mod interrupt;
+mod output;
+mod progress;
+mod verdict;
+
+use std::process::ExitCode;
+
+use clap::Parser;
+
+use crate::args::{Cli, Command};
+
+fn main() -> ExitCode {
+    let result = match Cli::parse().command {
+        Command::Train(args) => commands::train::train(&args),
+        Command::Resume(args) => commands::train::resume(&args),
+        Command::Eval(args) => commands::eval::eval(&args),
+        Command::Robots(args) => commands::robots::robots(&args),
+        Command::Config(args) => commands::config::config(&args),
+    };
+    match result {
+        Ok(code) => code,
+        Err(error) => {
+            output::complain(&format!("error: {error}"));
+            ExitCode::from(error::FAILURE)
+        }
+    }
+}

@@ -1,0 +1,238 @@
+//! The configuration of a run: a preset or a file of the user's, overridden by `--set`, checked, resolved.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use canter_learn::policy::ActorCritic;
+use canter_learn::settings::{Objective, PpoSettings};
+use canter_sim::settings::{Document, Problems, above};
+use canter_sim::{PolicySettings, RewardSettings, Robot, RobotError, Task, TaskSettings};
+use canter_sim::{choices, settings};
+
+settings! {
+    /// Everything that decides a run's result, but for the version of canter.
+    pub struct RunConfig {
+        /// The robot: the name of a built-in one (`canter robots`) or the path of a robot.toml.
+        pub robot: String,
+        /// Seed of every random stream of the run.
+        pub seed: u64,
+        /// What the policy sees and what it may change.
+        pub policy: PolicySettings,
+        /// Time, ground, start and end of an episode.
+        pub task: TaskSettings,
+        /// Weights of the reward's terms.
+        pub reward: RewardSettings,
+        /// Sizes of the networks.
+        pub network: NetworkSettings,
+        /// Proximal policy optimisation.
+        pub ppo: PpoConfig,
+        /// How long and with how many environments.
+        pub training: TrainingSettings,
+        /// How the result is measured.
+        pub evaluation: EvaluationSettings,
+    }
+}
+
+settings! {
+    /// Actor and critic: each three fully connected layers with tanh.
+    pub struct NetworkSettings {
+        /// Width of the actor's two hidden layers; multiples of 16 are fastest.
+        pub actor_hidden: usize in 1..=1024,
+        /// Width of the critic's two hidden layers.
+        pub critic_hidden: usize in 1..=1024,
+        /// Natural logarithm of the exploration noise's standard deviation at the start.
+        pub initial_log_std: f64 in -5.0..=1.0,
+    }
+}
+
+settings! {
+    /// Proximal policy optimisation.
+    pub struct PpoConfig {
+        /// Discount per env step.
+        pub gamma: f64 in 0.0..=1.0,
+        /// Trace decay of the generalised advantage estimate; 0 is the paper's one-step advantage.
+        pub gae_lambda: f64 in 0.0..=1.0,
+        /// Whether eq. 3 (clipped) or eq. 2 (unclipped) is maximised.
+        pub objective: ObjectiveChoice,
+        /// How far the probability ratio may leave 1 before the clipped objective ignores the gain.
+        pub clip_epsilon: f64 in 0.001..=1.0,
+        /// Passes over one rollout.
+        pub num_epochs: usize in 1..=100,
+        /// Samples per gradient step.
+        pub minibatch_size: usize in 1..=1048576,
+        /// Adam's step size at the start.
+        pub learning_rate: f64 in above(0.0),
+        /// The learning rate follows this divergence between old and new policy; absent: it stays.
+        pub target_kl: Option<f64> in above(0.0),
+        /// Weight of the value loss.
+        pub value_coefficient: f64 in 0.0..=100.0,
+        /// Weight of the entropy bonus.
+        pub entropy_coefficient: f64 in 0.0..=10.0,
+        /// Limit of the gradient's norm.
+        pub max_gradient_norm: f64 in above(0.0),
+        /// Whether advantages are standardised over the rollout.
+        pub normalise_advantages: bool,
+    }
+}
+
+choices! {
+    /// Which surrogate of the policy's improvement is maximised.
+    pub enum ObjectiveChoice {
+        /// Eq. 3 of the paper.
+        Clipped = "clipped",
+        /// Eq. 2 of the paper.
+        Unclipped = "unclipped",
+    }
+}
+
+settings! {
+    /// How long and with how many environments.
+    pub struct TrainingSettings {
+        /// Environments that collect side by side. Results depend on it, not on the number of threads.
+        pub num_environments: usize in 1..=4096,
+        /// Env steps of each environment in one iteration.
+        pub horizon: usize in 1..=100000,
+        /// Training ends with the iteration that reaches this many env steps ...
+        pub max_env_steps: u64 in 1..=100000000000,
+        /// ... or this many episodes; absent: env steps alone decide.
+        pub max_episodes: Option<u64> in 1..=1000000000,
+        /// Env steps between checkpoints.
+        pub checkpoint_env_steps: u64 in 1..=100000000000,
+    }
+}
+
+settings! {
+    /// How the result is measured.
+    pub struct EvaluationSettings {
+        /// Episodes, each with its own random start.
+        pub num_episodes: usize in 2..=10000,
+        /// Length of an episode [s].
+        pub episode_s: f64 in 2.0..=1000.0,
+        /// The speed counts from here on [s].
+        pub settle_s: f64 in 0.0..=100.0,
+        /// Seed of the starts; no training ever sees them, whatever its seed.
+        pub seed: u64,
+    }
+}
+
+impl NetworkSettings {
+    /// Actor and critic for a task.
+    pub fn model(&self, task: &Task) -> ActorCritic {
+        ActorCritic::new(task.num_observations(), task.num_actions(), self.actor_hidden, self.critic_hidden)
+    }
+}
+
+impl PpoConfig {
+    /// The learner's words for it.
+    pub fn settings(&self) -> PpoSettings {
+        PpoSettings {
+            gamma: self.gamma,
+            gae_lambda: self.gae_lambda,
+            clip_epsilon: self.clip_epsilon,
+            objective: match self.objective {
+                ObjectiveChoice::Clipped => Objective::Clipped,
+                ObjectiveChoice::Unclipped => Objective::Unclipped,
+            },
+            num_epochs: self.num_epochs,
+            minibatch_size: self.minibatch_size,
+            learning_rate: self.learning_rate,
+            value_coefficient: self.value_coefficient,
+            entropy_coefficient: self.entropy_coefficient,
+            max_gradient_norm: self.max_gradient_norm,
+            target_kl: self.target_kl,
+            normalise_advantages: self.normalise_advantages,
+        }
+    }
+}
+
+/// A preset that comes with canter.
+struct Preset {
+    name: &'static str,
+    text: &'static str,
+}
+
+/// The preset that `canter train` runs when none is named.
+pub const DEFAULT_PRESET: &str = "doggo";
+
+const PRESETS: [Preset; 2] = [
+    Preset { name: "doggo", text: include_str!("../../../presets/doggo.toml") },
+    Preset { name: "paper", text: include_str!("../../../presets/paper.toml") },
+];
+
+/// Names of the presets that come with canter.
+pub fn preset_names() -> impl Iterator<Item = &'static str> {
+    PRESETS.iter().map(|preset| preset.name)
+}
+
+/// Why a run's configuration cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub enum ConfigError {
+    /// No preset has this name.
+    #[error(
+        "no preset is called `{name}`: there are {known}; a configuration of your own is given by the path of its .toml file"
+    )]
+    UnknownPreset {
+        /// What was asked for.
+        name: String,
+        /// What there is.
+        known: String,
+    },
+    /// The file, or a `--set`, is wrong.
+    #[error(transparent)]
+    Problems(#[from] Problems),
+    /// The robot cannot be used.
+    #[error(transparent)]
+    Robot(#[from] RobotError),
+}
+
+/// The document of a preset, or of a configuration file if the name is a path.
+///
+/// # Errors
+/// An unknown name, an unreadable file, or bytes that are not TOML.
+pub fn open_preset(name_or_path: &str) -> Result<Document, ConfigError> {
+    if name_or_path.contains(std::path::MAIN_SEPARATOR) || name_or_path.ends_with(".toml") {
+        return Ok(Document::load(Path::new(name_or_path))?);
+    }
+    let Some(preset) = PRESETS.iter().find(|preset| preset.name == name_or_path) else {
+        let known: Vec<_> = preset_names().map(|name| format!("`{name}`")).collect();
+        return Err(ConfigError::UnknownPreset { name: name_or_path.to_owned(), known: known.join(", ") });
+    };
+    Ok(Document::parse(&format!("presets/{name_or_path}.toml"), preset.text.as_bytes())?)
+}
+
+/// A configuration whose parts have met: the robot is loaded, the task is put together.
+#[derive(Clone, Debug)]
+pub struct Resolved {
+    /// The configuration.
+    pub config: RunConfig,
+    /// Robot, gait, ground and reward.
+    pub task: Arc<Task>,
+}
+
+/// Reads a document and puts robot and task together.
+///
+/// # Errors
+/// Everything that is wrong with the document at once; then, whatever is wrong with the robot.
+pub fn resolve(document: &Document) -> Result<Resolved, ConfigError> {
+    let mut config = document.read_checked(|config: &RunConfig, problems| {
+        if config.evaluation.settle_s >= config.evaluation.episode_s {
+            problems.at("evaluation.settle_s", "must be less than evaluation.episode_s");
+        }
+        if config.training.num_environments * config.training.horizon > MAX_ROLLOUT_SAMPLES {
+            let message = format!("num_environments times horizon may be {MAX_ROLLOUT_SAMPLES} at most: one rollout");
+            problems.at("training.horizon", message);
+        }
+    })?;
+    let robot = Arc::new(Robot::load(&config.robot)?);
+    if let Ok(path) = Path::new(&config.robot).canonicalize()
+        && path.is_file()
+    {
+        // A run directory may be read from another working directory.
+        config.robot = path.display().to_string();
+    }
+    let task = Task::new(robot, &config.task, &config.reward, &config.policy, document.problems())?;
+    Ok(Resolved { config, task: Arc::new(task) })
+}
+
+/// Samples of one rollout that fit into memory with room to spare: 4 Mi samples of 100 numbers are 1.6 GB.
+const MAX_ROLLOUT_SAMPLES: usize = 1 << 22;

@@ -1,0 +1,95 @@
+//! The simulator's environment as the learner wants it, with its own random starts.
+
+use std::sync::Arc;
+
+use canter_learn::environment::{Environment, StepOutcome};
+use canter_learn::random::{Purpose, stream};
+use canter_sim::{Accident, Env, Task};
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::Rng;
+
+/// A number in [0, 1) with 53 random bits.
+pub(crate) fn uniform(rng: &mut ChaCha8Rng) -> f64 {
+    const UNIT: f64 = 1.0 / (1_u64 << 53) as f64;
+    (rng.next_u64() >> 11) as f64 * UNIT
+}
+
+/// What an environment did in one iteration.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Travel {
+    /// Way forward [m].
+    pub forward_m: f64,
+    /// Work of the motors [J].
+    pub work_j: f64,
+    /// Episodes that ended in each accident, in the order of [`Accident::ALL`].
+    pub accidents: [u64; Accident::ALL.len()],
+}
+
+/// One environment of the training.
+#[derive(Debug)]
+pub struct TrainingEnvironment {
+    env: Env,
+    seed: u64,
+    index: u64,
+    /// Number of the next episode; with seed and index it selects the random start.
+    next_episode: u64,
+    /// What happened since this was last taken.
+    pub travel: Travel,
+}
+
+impl TrainingEnvironment {
+    /// Environment number `index` of the run with this seed.
+    pub fn new(task: Arc<Task>, seed: u64, index: u64) -> Self {
+        Self { env: Env::new(task), seed, index, next_episode: 0, travel: Travel::default() }
+    }
+
+    /// Everything that the next step depends on.
+    pub fn state(&self) -> Vec<f64> {
+        let mut state = vec![self.next_episode as f64];
+        state.extend(self.env.state());
+        state
+    }
+
+    /// Restores what [`state`](Self::state) gave, and writes the observation, `(O)`.
+    ///
+    /// # Errors
+    /// A state of another length is refused.
+    pub fn set_state(&mut self, state: &[f64], observation: &mut [f32]) -> Result<(), String> {
+        let (next_episode, rest) = state.split_first().ok_or("an environment's state is empty")?;
+        self.next_episode = *next_episode as u64;
+        self.env.set_state(rest, observation)
+    }
+}
+
+impl Environment for TrainingEnvironment {
+    fn num_observations(&self) -> usize {
+        self.env.task().num_observations()
+    }
+
+    fn num_actions(&self) -> usize {
+        self.env.task().num_actions()
+    }
+
+    fn reset(&mut self, observation: &mut [f32]) {
+        let mut rng = stream(self.seed, Purpose::Reset, self.index, self.next_episode);
+        self.next_episode += 1;
+        self.env.reset(&mut || uniform(&mut rng), observation);
+    }
+
+    fn step(&mut self, action: &[f32], observation: &mut [f32]) -> StepOutcome {
+        let before = self.env.position_in_ground()[0];
+        let outcome = self.env.step(action, observation);
+        if outcome.terminated != Some(Accident::Unstable) {
+            self.travel.forward_m += self.env.position_in_ground()[0] - before;
+            self.travel.work_j += outcome.work_j;
+        }
+        if let Some(accident) = outcome.terminated {
+            self.travel.accidents[accident as usize] += 1;
+        }
+        StepOutcome {
+            reward: outcome.reward as f32,
+            terminated: outcome.terminated.is_some(),
+            truncated: outcome.truncated,
+        }
+    }
+}

@@ -1,0 +1,355 @@
+//! Measuring gaits: the same starts for every gait, no exploration, no learning.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use canter_gait::Policy;
+use canter_learn::random::{Purpose, stream};
+use canter_sim::{Accident, Env, StepOutcome, Task};
+use rayon::prelude::*;
+use serde::Serialize;
+
+use crate::config::EvaluationSettings;
+use crate::environment::uniform;
+use crate::executor::Workers;
+use crate::statistics::{bootstrap_interval, mean, population_std};
+
+/// What moves the robot.
+#[derive(Clone, Copy, Debug)]
+pub enum Mover<'a> {
+    /// The task's prior alone.
+    Prior,
+    /// A policy on top of it, without exploration.
+    Policy(&'a Policy<'a>),
+    /// The same action at every step, `(A)`: another open-loop gait.
+    Constant(&'a [f32]),
+}
+
+/// One episode of an evaluation.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Episode {
+    /// See [`forward_speed`] [m/s].
+    pub speed_m_per_s: f64,
+    /// Length of the horizontal displacement over the same time: what a robot walks that is not held to its heading [m/s].
+    pub displacement_speed_m_per_s: f64,
+    /// Sideways displacement after the settling time, without its sign [m].
+    pub drift_m: f64,
+    /// Change of the heading over the whole episode, without its sign [deg].
+    pub heading_deg: f64,
+    /// Standard deviation of the body's height after the settling time [m].
+    pub height_std_m: f64,
+    /// Mean mechanical power after the settling time [W].
+    pub power_w: f64,
+    /// Sum of the rewards.
+    pub episode_return: f64,
+    /// The accident that ended it.
+    pub accident: Option<Accident>,
+}
+
+/// What one gait did over all episodes; `docs/metrics.md` defines every number.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct GaitReport {
+    /// Mean forward speed [m/s].
+    pub speed_m_per_s: f64,
+    /// Its 95 % bootstrap interval over the episodes [m/s].
+    pub speed_ci: [f64; 2],
+    /// Mean length of the horizontal displacement by time [m/s].
+    pub displacement_speed_m_per_s: f64,
+    /// Episodes that ended in an accident.
+    pub falls: u64,
+    /// The same by cause.
+    pub falls_by_cause: BTreeMap<&'static str, u64>,
+    /// Mean sideways displacement, without its sign [m].
+    pub drift_m: f64,
+    /// Mean change of the heading, without its sign [deg].
+    pub heading_deg: f64,
+    /// Mean standard deviation of the body's height [m].
+    pub height_std_m: f64,
+    /// Mean mechanical power [W].
+    pub power_w: f64,
+    /// Mean power over weight times mean speed; none for a gait that does not move forward.
+    pub cost_of_transport: Option<f64>,
+    /// Mean return.
+    pub episode_return: f64,
+    /// Forward speed of each episode [m/s].
+    pub speeds_m_per_s: Vec<f64>,
+}
+
+/// Forward speed of an episode [m/s].
+///
+/// ```text
+/// v = (x(t_end) - x(t_settle)) / (T - t_settle)
+/// ```
+///
+/// `settled_m` -> x(t_settle), `end_m` -> x(t_end), `counted_s` -> T - t_settle. A robot that falls at t_end < T keeps
+/// the full time T; one that falls before t_settle has speed 0.
+///
+/// Source: eq. 7 of the paper (the distance of one step), summed over the steps and divided by their time.
+pub fn forward_speed(settled_m: f64, end_m: f64, counted_s: f64) -> f64 {
+    (end_m - settled_m) / counted_s
+}
+
+/// Energy per weight and way.
+///
+/// ```text
+/// CoT = P / (m g v)
+/// ```
+///
+/// Source: Gabrielli and von Karman 1950, as usual in the field; P is mechanical power here. None unless v > 0.
+pub fn cost_of_transport(power_w: f64, weight_n: f64, speed_m_per_s: f64) -> Option<f64> {
+    (speed_m_per_s > 0.0).then(|| power_w / (weight_n * speed_m_per_s))
+}
+
+/// Measures one gait; the same settings give every gait the same starts.
+pub fn evaluate(task: &Task, mover: Mover<'_>, settings: &EvaluationSettings, workers: &Workers) -> GaitReport {
+    let mut task = task.clone();
+    task.settings.goal_distance_m = None;
+    task.max_env_steps = (settings.episode_s / task.settings.control_dt_s).round() as u32;
+    let task = Arc::new(task);
+    let episodes: Vec<Episode> = workers.install(|| {
+        (0..settings.num_episodes)
+            .into_par_iter()
+            .with_max_len(1)
+            .map_init(|| Env::new(task.clone()), |env, number| run_episode(env, mover, settings, number as u64))
+            .collect()
+    });
+    let weight_n = task.robot.model.total_mass_kg() * task.robot.model.gravity();
+    GaitReport::new(&episodes, weight_n)
+}
+
+/// Episode number `number` from its own random start.
+fn run_episode(env: &mut Env, mover: Mover<'_>, settings: &EvaluationSettings, number: u64) -> Episode {
+    let task = env.task().clone();
+    let mut rng = stream(settings.seed, Purpose::Evaluation, 0, number);
+    let mut observation = vec![0.0; task.num_observations()];
+    let mut action = vec![0.0; task.num_actions()];
+    let mut hidden = match mover {
+        Mover::Policy(policy) => vec![0.0; policy.network.workspace_len()],
+        Mover::Prior | Mover::Constant(_) => Vec::new(),
+    };
+    env.reset(&mut || uniform(&mut rng), &mut observation);
+    let start_heading = env.heading_rad();
+    let settle_steps = (settings.settle_s / task.settings.control_dt_s).round() as u32;
+    let mut settled = None;
+    let (mut heights, mut work_j, mut episode_return) = (Vec::new(), 0.0, 0.0);
+    let accident = loop {
+        if env.env_steps() == settle_steps {
+            settled = Some(env.position_in_ground());
+        }
+        let outcome: StepOutcome = match mover {
+            Mover::Prior => env.step_prior(&mut observation),
+            Mover::Constant(action) => env.step(action, &mut observation),
+            Mover::Policy(policy) => {
+                policy.act(&mut observation, &mut hidden, &mut action);
+                env.step(&action, &mut observation)
+            }
+        };
+        episode_return += outcome.reward;
+        if settled.is_some() {
+            work_j += outcome.work_j;
+            heights.push(env.position_in_ground()[2]);
+        }
+        if outcome.terminated.is_some() || outcome.truncated {
+            break outcome.terminated;
+        }
+    };
+    let end = env.position_in_ground();
+    // After an unstable state no position means anything; before the settling time none counts.
+    let is_counted = accident != Some(Accident::Unstable);
+    let settled = settled.filter(|_| is_counted).unwrap_or(end);
+    let counted_s = settings.episode_s - settings.settle_s;
+    let walked_s = (heights.len() as f64 * task.settings.control_dt_s).max(task.settings.control_dt_s);
+    let turn = env.heading_rad() - start_heading;
+    Episode {
+        speed_m_per_s: forward_speed(settled[0], end[0], counted_s),
+        displacement_speed_m_per_s: (end[0] - settled[0]).hypot(end[1] - settled[1]) / counted_s,
+        drift_m: (end[1] - settled[1]).abs(),
+        heading_deg: turn.sin().atan2(turn.cos()).abs().to_degrees(),
+        height_std_m: population_std(&heights),
+        power_w: work_j / walked_s,
+        episode_return,
+        accident,
+    }
+}
+
+impl GaitReport {
+    fn new(episodes: &[Episode], weight_n: f64) -> Self {
+        let column = |value: fn(&Episode) -> f64| episodes.iter().map(value).collect::<Vec<f64>>();
+        let speeds = column(|episode| episode.speed_m_per_s);
+        let speed = mean(&speeds);
+        let power_w = mean(&column(|episode| episode.power_w));
+        let mut falls_by_cause = BTreeMap::new();
+        for accident in episodes.iter().filter_map(|episode| episode.accident) {
+            *falls_by_cause.entry(accident.name()).or_default() += 1;
+        }
+        Self {
+            speed_m_per_s: speed,
+            speed_ci: bootstrap_interval(&[&speeds], |groups| mean(&groups[0])),
+            displacement_speed_m_per_s: mean(&column(|episode| episode.displacement_speed_m_per_s)),
+            falls: falls_by_cause.values().sum(),
+            falls_by_cause,
+            drift_m: mean(&column(|episode| episode.drift_m)),
+            heading_deg: mean(&column(|episode| episode.heading_deg)),
+            height_std_m: mean(&column(|episode| episode.height_std_m)),
+            power_w,
+            cost_of_transport: cost_of_transport(power_w, weight_n, speed),
+            episode_return: mean(&column(|episode| episode.episode_return)),
+            speeds_m_per_s: speeds,
+        }
+    }
+}
+
+/// How many times as fast a gait is as another, with a 95 % bootstrap interval over both gaits' episodes.
+///
+/// ```text
+/// ratio = mean speed / mean speed of the other
+/// ```
+///
+/// None unless the other gait moves forward. Source: our definition; the interval is [`bootstrap_interval`]'s.
+pub fn speed_ratio(gait: &GaitReport, other: &GaitReport) -> Option<(f64, [f64; 2])> {
+    let ratio = |a: &[f64], b: &[f64]| mean(a) / mean(b);
+    let (own, others) = (&gait.speeds_m_per_s, &other.speeds_m_per_s);
+    let interval = || bootstrap_interval(&[own, others], |groups| ratio(&groups[0], &groups[1]));
+    (other.speed_m_per_s > 0.0).then(|| (ratio(own, others), interval()))
+}
+
+/// The verdict on a policy: its gait, its own prior, and the gaits whose speed counts as a default speed.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Verdict {
+    /// How it was measured.
+    pub protocol: ProtocolCard,
+    /// The learned gait; none for a bare gait.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub policy: Option<GaitReport>,
+    /// The gait that the policy modulates, alone.
+    pub prior: GaitReport,
+    /// Name of that gait.
+    pub prior_name: String,
+    /// Every default gait of the robot.
+    pub default_gaits: BTreeMap<String, GaitReport>,
+    /// The fastest of them: its speed is the default speed.
+    pub default_gait: String,
+    /// Its speed [m/s].
+    pub default_speed_m_per_s: f64,
+    /// Learned speed over default speed; for a bare gait its own speed over default speed. None if the default does not move forward.
+    pub speed_ratio: Option<f64>,
+    /// Its 95 % interval.
+    pub speed_ratio_ci: Option<[f64; 2]>,
+    /// Learned speed over that of its own prior.
+    pub prior_speed_ratio: Option<f64>,
+    /// Its 95 % interval.
+    pub prior_speed_ratio_ci: Option<[f64; 2]>,
+}
+
+/// What decides the numbers of an evaluation.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct ProtocolCard {
+    /// Name of the robot.
+    pub robot: String,
+    /// Episodes of each gait.
+    pub num_episodes: usize,
+    /// Length of an episode [s].
+    pub episode_s: f64,
+    /// The speed counts from here on [s].
+    pub settle_s: f64,
+    /// Seed of the starts.
+    pub seed: u64,
+    /// Slope of the ground, positive uphill [deg].
+    pub slope_deg: f64,
+    /// Sliding friction; none: the model's own.
+    pub friction: Option<f64>,
+}
+
+/// Measures a policy, its prior and the robot's default gaits from the same starts; without a policy, the prior alone.
+pub fn judge(
+    task: &Task,
+    prior_name: &str,
+    policy: Option<&Policy<'_>>,
+    settings: &EvaluationSettings,
+    workers: &Workers,
+) -> Verdict {
+    let bare = |name: &str| {
+        let task = task.with_gait(name).expect("a gait of the robot");
+        evaluate(&task, Mover::Prior, settings, workers)
+    };
+    let mut default_gaits: BTreeMap<String, GaitReport> =
+        task.robot.default_gaits().map(|gait| (gait.name.clone(), bare(&gait.name))).collect();
+    let prior = default_gaits.get(prior_name).cloned().unwrap_or_else(|| bare(prior_name));
+    if default_gaits.is_empty() {
+        // A robot without a declared default is compared with the gait at hand.
+        default_gaits.insert(prior_name.to_owned(), prior.clone());
+    }
+    let fastest =
+        |a: &(&String, &GaitReport), b: &(&String, &GaitReport)| a.1.speed_m_per_s.total_cmp(&b.1.speed_m_per_s);
+    let (default_gait, default_report) = default_gaits.iter().max_by(fastest).expect("one was just inserted");
+    let (default_gait, default_report) = (default_gait.clone(), default_report.clone());
+    let policy = policy.map(|policy| evaluate(task, Mover::Policy(policy), settings, workers));
+    let judged = policy.as_ref().unwrap_or(&prior);
+    let against_default = speed_ratio(judged, &default_report);
+    let against_prior = policy.as_ref().and_then(|policy| speed_ratio(policy, &prior));
+    Verdict {
+        protocol: ProtocolCard {
+            robot: task.robot.settings.name.clone(),
+            num_episodes: settings.num_episodes,
+            episode_s: settings.episode_s,
+            settle_s: settings.settle_s,
+            seed: settings.seed,
+            slope_deg: task.settings.slope_deg,
+            friction: task.settings.friction,
+        },
+        prior_name: prior_name.to_owned(),
+        default_speed_m_per_s: default_report.speed_m_per_s,
+        default_gait,
+        default_gaits,
+        speed_ratio: against_default.map(|(ratio, _)| ratio),
+        speed_ratio_ci: against_default.map(|(_, interval)| interval),
+        prior_speed_ratio: against_prior.map(|(ratio, _)| ratio),
+        prior_speed_ratio_ci: against_prior.map(|(_, interval)| interval),
+        policy,
+        prior,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn episode(speed: f64, accident: Option<Accident>) -> Episode {
+        Episode {
+            speed_m_per_s: speed,
+            displacement_speed_m_per_s: speed,
+            drift_m: 0.1,
+            heading_deg: 3.0,
+            height_std_m: 0.01,
+            power_w: 20.0,
+            episode_return: 5.0,
+            accident,
+        }
+    }
+
+    #[test]
+    fn speed_and_cost_of_transport_by_hand() {
+        assert_eq!(forward_speed(0.5, 5.0, 9.0), 0.5);
+        // 20 W / (4.8 kg * 9.81 m/s^2 * 0.5 m/s) = 0.8495
+        assert!((cost_of_transport(20.0, 4.8 * 9.81, 0.5).unwrap() - 0.8495).abs() < 1e-4);
+        assert_eq!(cost_of_transport(20.0, 47.0, -0.1), None);
+    }
+
+    #[test]
+    fn reports_count_falls_by_cause() {
+        let episodes = [episode(0.4, None), episode(0.2, Some(Accident::Rollover)), episode(0.6, None)];
+        let report = GaitReport::new(&episodes, 47.0);
+        assert_eq!(report.falls, 1);
+        assert_eq!(report.falls_by_cause, BTreeMap::from([("rollover", 1)]));
+        assert!((report.speed_m_per_s - 0.4).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_ratio_needs_a_gait_that_moves_forward() {
+        let report =
+            |speeds: &[f64]| GaitReport::new(&speeds.iter().map(|&s| episode(s, None)).collect::<Vec<_>>(), 47.0);
+        let (ratio, [low, high]) = speed_ratio(&report(&[1.0, 1.2, 1.1]), &report(&[0.5, 0.6, 0.55])).unwrap();
+        assert!((ratio - 2.0).abs() < 1e-12 && low < 2.0 && 2.0 < high);
+        assert_eq!(speed_ratio(&report(&[1.0]), &report(&[-0.1])), None);
+    }
+}

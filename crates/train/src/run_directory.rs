@@ -1,0 +1,311 @@
+//! The run directory: which files there are, and that each is written whole or not at all.
+
+use std::fs::{self, File, OpenOptions, TryLockError};
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+
+use canter_sim::settings::{Document, write_commented};
+
+use crate::checkpoint::{Checkpoint, CheckpointError};
+use crate::config::{ConfigError, Resolved, RunConfig, resolve};
+use crate::policy_file::{PolicyError, PolicyFile};
+
+/// Endings of files that a writer has not finished.
+const TEMPORARY_ENDING: &str = "tmp";
+
+/// Checkpoints that are kept; older ones are removed.
+const KEPT_CHECKPOINTS: usize = 3;
+
+/// Why a run directory cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub enum RunError {
+    /// Reading or writing failed.
+    #[error("{}: {source}", .path.display())]
+    Io {
+        /// The file or folder.
+        path: PathBuf,
+        /// Why.
+        source: io::Error,
+    },
+    /// Something else is there already.
+    #[error("{}: this folder is not empty; choose another with --out, or go on with `canter resume {}`", .0.display(), .0.display())]
+    NotEmpty(PathBuf),
+    /// Not a run directory.
+    #[error("{}: no run directory: it has no {missing}", .path.display())]
+    NotARun {
+        /// What was given.
+        path: PathBuf,
+        /// The file that is missing.
+        missing: &'static str,
+    },
+    /// Another process is at work.
+    #[error("{}: another canter is writing into this run", .0.display())]
+    Locked(PathBuf),
+    /// The configuration is wrong.
+    #[error(transparent)]
+    Config(#[from] ConfigError),
+    /// The policy cannot be used.
+    #[error("{}: this policy cannot be used: {source}", .path.display())]
+    Policy {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: PolicyError,
+    },
+    /// No checkpoint can be used.
+    #[error("{}: no checkpoint to go on from: {reason}", .path.display())]
+    NoCheckpoint {
+        /// The folder of the checkpoints.
+        path: PathBuf,
+        /// Why.
+        reason: String,
+    },
+}
+
+/// A run's folder, see `docs/run-directory.md`.
+#[derive(Debug)]
+pub struct RunDirectory {
+    path: PathBuf,
+    /// Held while this process writes into the folder.
+    _lock: File,
+}
+
+impl RunDirectory {
+    /// Makes the folder of a new run and writes its resolved configuration.
+    ///
+    /// Without `path` the folder is `runs/<preset>-<seed>-<n>` in the working directory, with the first free n.
+    ///
+    /// # Errors
+    /// A folder that is not empty, or cannot be written.
+    pub fn create(path: Option<&Path>, preset: &str, config: &RunConfig) -> Result<Self, RunError> {
+        let path = match path {
+            Some(path) => {
+                fs::create_dir_all(path).map_err(|source| io_error(path, source))?;
+                let mut entries = path.read_dir().map_err(|source| io_error(path, source))?;
+                if entries.next().is_some() {
+                    return Err(RunError::NotEmpty(path.to_owned()));
+                }
+                path.to_owned()
+            }
+            None => create_numbered(Path::new("runs"), &format!("{preset}-{}", config.seed))?,
+        };
+        let directory = Self::lock(&path)?;
+        write_whole(&directory.config_path(), write_commented(config).as_bytes())?;
+        Ok(directory)
+    }
+
+    /// Opens a run that is to go on.
+    ///
+    /// # Errors
+    /// No run directory there, or another process writes into it.
+    pub fn open(path: &Path) -> Result<Self, RunError> {
+        if !config_path(path).is_file() {
+            return Err(RunError::NotARun { path: path.to_owned(), missing: "config.toml" });
+        }
+        let directory = Self::lock(path)?;
+        for folder in [path.to_owned(), directory.checkpoint_folder()] {
+            for entry in folder.read_dir().into_iter().flatten().flatten() {
+                if entry.path().extension().is_some_and(|ending| ending == TEMPORARY_ENDING) {
+                    // Left by a process that was killed while it wrote.
+                    let _ = fs::remove_file(entry.path());
+                }
+            }
+        }
+        Ok(directory)
+    }
+
+    fn lock(path: &Path) -> Result<Self, RunError> {
+        let lock_path = path.join("lock");
+        let options = OpenOptions::new().create(true).append(true).open(&lock_path);
+        let lock = options.map_err(|source| io_error(&lock_path, source))?;
+        match lock.try_lock() {
+            Ok(()) => Ok(Self { path: path.to_owned(), _lock: lock }),
+            Err(TryLockError::WouldBlock) => Err(RunError::Locked(path.to_owned())),
+            Err(TryLockError::Error(source)) => Err(io_error(&lock_path, source)),
+        }
+    }
+
+    /// The folder.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    fn config_path(&self) -> PathBuf {
+        config_path(&self.path)
+    }
+
+    fn checkpoint_folder(&self) -> PathBuf {
+        self.path.join("checkpoints")
+    }
+
+    fn metrics_path(&self) -> PathBuf {
+        self.path.join("metrics.jsonl")
+    }
+
+    /// Writes a JSON file, e.g. `eval.json`.
+    ///
+    /// # Errors
+    /// The system's.
+    pub fn write_json(&self, name: &str, value: &serde_json::Value) -> Result<(), RunError> {
+        write_whole(&self.path.join(name), format!("{value:#}\n").as_bytes())
+    }
+
+    /// Writes `policy.safetensors`.
+    ///
+    /// # Errors
+    /// The system's.
+    pub fn write_policy(&self, policy: &PolicyFile) -> Result<(), RunError> {
+        write_whole(&policy_path(&self.path), &policy.to_bytes())
+    }
+
+    /// Writes a checkpoint and removes the oldest ones.
+    ///
+    /// # Errors
+    /// The system's.
+    pub fn write_checkpoint(&self, checkpoint: &Checkpoint) -> Result<(), RunError> {
+        let folder = self.checkpoint_folder();
+        fs::create_dir_all(&folder).map_err(|source| io_error(&folder, source))?;
+        let path = folder.join(format!("{:08}.safetensors", checkpoint.iterations()));
+        write_whole(&path, &checkpoint.to_bytes())?;
+        let checkpoints = self.checkpoints()?;
+        for old in checkpoints.iter().rev().skip(KEPT_CHECKPOINTS) {
+            fs::remove_file(old).map_err(|source| io_error(old, source))?;
+        }
+        Ok(())
+    }
+
+    /// Paths of the checkpoints, oldest first.
+    fn checkpoints(&self) -> Result<Vec<PathBuf>, RunError> {
+        let folder = self.checkpoint_folder();
+        let entries = folder.read_dir().map_err(|source| io_error(&folder, source))?;
+        let mut paths: Vec<_> = entries.flatten().map(|entry| entry.path()).collect();
+        paths.retain(|path| path.extension().is_some_and(|ending| ending == "safetensors"));
+        paths.sort();
+        Ok(paths)
+    }
+
+    /// The newest checkpoint that can be read, and the newer ones that cannot, with the reason.
+    ///
+    /// # Errors
+    /// None can be read.
+    pub fn newest_checkpoint(&self) -> Result<(Checkpoint, Vec<String>), RunError> {
+        let mut skipped = Vec::new();
+        let paths = self.checkpoints().unwrap_or_default();
+        for path in paths.iter().rev() {
+            let checkpoint =
+                fs::read(path).map_err(CheckpointError::from).and_then(|bytes| Checkpoint::from_bytes(&bytes));
+            match checkpoint {
+                Ok(checkpoint) => return Ok((checkpoint, skipped)),
+                Err(error) => skipped.push(format!("{}: {error}", path.display())),
+            }
+        }
+        let reason = if skipped.is_empty() { "there is none".to_owned() } else { skipped.join("; ") };
+        Err(RunError::NoCheckpoint { path: self.checkpoint_folder(), reason })
+    }
+
+    /// Appends one line to `metrics.jsonl`.
+    ///
+    /// # Errors
+    /// The system's.
+    pub fn append_metrics(&self, metrics: &serde_json::Value) -> Result<(), RunError> {
+        let path = self.metrics_path();
+        let file = OpenOptions::new().create(true).append(true).open(&path);
+        let written = file.and_then(|mut file| file.write_all(format!("{metrics}\n").as_bytes()));
+        written.map_err(|source| io_error(&path, source))
+    }
+
+    /// Drops the lines of `metrics.jsonl` that come after an iteration: a resumed run writes them again.
+    ///
+    /// # Errors
+    /// The system's.
+    pub fn truncate_metrics(&self, iterations: u64) -> Result<(), RunError> {
+        let path = self.metrics_path();
+        let text = match fs::read_to_string(&path) {
+            Ok(text) => text,
+            Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(()),
+            Err(source) => return Err(io_error(&path, source)),
+        };
+        let is_kept = |line: &&str| {
+            let metrics = serde_json::from_str::<serde_json::Value>(line).ok();
+            metrics.is_some_and(|metrics| metrics["iteration"].as_u64().is_some_and(|number| number <= iterations))
+        };
+        let kept: String = text.lines().filter(is_kept).map(|line| format!("{line}\n")).collect();
+        write_whole(&path, kept.as_bytes())
+    }
+}
+
+/// The configuration of a run, resolved again.
+///
+/// # Errors
+/// No run there, or a configuration that no longer fits its robot.
+pub fn read_config(run: &Path) -> Result<Resolved, RunError> {
+    let path = config_path(run);
+    if !path.is_file() {
+        return Err(RunError::NotARun { path: run.to_owned(), missing: "config.toml" });
+    }
+    let document = Document::load(&path).map_err(ConfigError::from)?;
+    Ok(resolve(&document)?)
+}
+
+/// The policy of a run.
+///
+/// # Errors
+/// No policy there yet, or one that cannot be used.
+pub fn read_policy(run: &Path) -> Result<PolicyFile, RunError> {
+    let path = policy_path(run);
+    if !path.is_file() {
+        return Err(RunError::NotARun {
+            path: run.to_owned(),
+            missing: "policy.safetensors (has the training ended?)",
+        });
+    }
+    let bytes = fs::read(&path).map_err(|source| io_error(&path, source))?;
+    PolicyFile::from_bytes(&bytes).map_err(|source| RunError::Policy { path, source })
+}
+
+/// Where a run's policy lies.
+pub fn policy_path(run: &Path) -> PathBuf {
+    run.join("policy.safetensors")
+}
+
+fn config_path(run: &Path) -> PathBuf {
+    run.join("config.toml")
+}
+
+/// Makes `folder/<stem>-<n>` with the first free n.
+fn create_numbered(folder: &Path, stem: &str) -> Result<PathBuf, RunError> {
+    fs::create_dir_all(folder).map_err(|source| io_error(folder, source))?;
+    let mut n = 1;
+    loop {
+        let path = folder.join(format!("{stem}-{n}"));
+        match fs::create_dir(&path) {
+            Ok(()) => return Ok(path),
+            Err(error) if error.kind() == io::ErrorKind::AlreadyExists => n += 1,
+            Err(source) => return Err(io_error(&path, source)),
+        }
+    }
+}
+
+/// Writes a file whole or not at all: beside it, flushed to the disk, then renamed.
+fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), RunError> {
+    let mut temporary = path.as_os_str().to_owned();
+    temporary.push(".");
+    temporary.push(TEMPORARY_ENDING);
+    let temporary = PathBuf::from(temporary);
+    let write = || {
+        let mut file = File::create(&temporary)?;
+        file.write_all(bytes)?;
+        file.sync_all()?;
+        fs::rename(&temporary, path)?;
+        // The rename itself is on the disk once the folder is.
+        path.parent().map_or(Ok(()), |folder| File::open(folder)?.sync_all())
+    };
+    write().map_err(|source| {
+        let _ = fs::remove_file(&temporary);
+        io_error(path, source)
+    })
+}
+
+fn io_error(path: &Path, source: io::Error) -> RunError {
+    RunError::Io { path: path.to_owned(), source }
+}

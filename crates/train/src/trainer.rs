@@ -1,0 +1,223 @@
+//! The state of a training and one iteration of it: collect, estimate advantages, update.
+
+use std::time::Instant;
+
+use canter_gait::Network;
+use canter_learn::adam::Adam;
+use canter_learn::advantage::{compute_values, estimate_advantages};
+use canter_learn::collect::{CollectorState, EpisodeRecord, PolicyView, collect_column};
+use canter_learn::metrics::UpdateMetrics;
+use canter_learn::normaliser::{Normaliser, RunningMoments};
+use canter_learn::policy::ActorCritic;
+use canter_learn::ppo::{Divergence, PpoWorkspace, UpdateContext, update};
+use canter_learn::random::{Purpose, stream};
+use canter_learn::rollout::Rollout;
+use canter_learn::settings::PpoSettings;
+use canter_sim::Accident;
+use canter_sim::forward::{Forward, fastest_forward};
+use rayon::prelude::*;
+
+use crate::config::Resolved;
+use crate::environment::TrainingEnvironment;
+use crate::executor::Workers;
+
+/// How far a training has come.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Progress {
+    /// Iterations done.
+    pub iterations: u64,
+    /// Env steps taken, over all environments.
+    pub env_steps: u64,
+    /// Episodes finished.
+    pub episodes: u64,
+}
+
+/// What one iteration brought; `docs/metrics.md` defines every number.
+#[derive(Clone, Debug, PartialEq)]
+pub struct IterationReport {
+    /// How far the training has come with this iteration.
+    pub progress: Progress,
+    /// Episodes that ended in this iteration.
+    pub episodes: Vec<EpisodeRecord>,
+    /// Accidents of this iteration, in the order of [`Accident::ALL`].
+    pub accidents: [u64; Accident::ALL.len()],
+    /// Forward speed over all env steps of the iteration, under exploration [m/s].
+    pub speed_m_per_s: f64,
+    /// Mechanical power over all env steps of the iteration [W].
+    pub power_w: f64,
+    /// Mean standard deviation of the exploration noise.
+    pub mean_std: f64,
+    /// Losses and the like.
+    pub update: UpdateMetrics,
+    /// Wall time of collecting [s].
+    pub collect_s: f64,
+    /// Wall time of advantages and update [s].
+    pub update_s: f64,
+}
+
+/// A training between two iterations.
+#[derive(Debug)]
+pub struct Trainer {
+    resolved: Resolved,
+    model: ActorCritic,
+    settings: PpoSettings,
+    forward: Forward,
+    pub(crate) parameters: Vec<f32>,
+    pub(crate) adam: Adam,
+    pub(crate) moments: RunningMoments,
+    pub(crate) environments: Vec<TrainingEnvironment>,
+    pub(crate) collectors: Vec<CollectorState>,
+    pub(crate) progress: Progress,
+    rollout: Rollout,
+    workspace: PpoWorkspace,
+}
+
+impl Trainer {
+    /// A training that has not begun.
+    pub fn new(resolved: Resolved) -> Self {
+        let Resolved { config, task } = &resolved;
+        let model = config.network.model(task);
+        let settings = config.ppo.settings();
+        let training = &config.training;
+        let mut environments: Vec<_> = (0..training.num_environments as u64)
+            .map(|index| TrainingEnvironment::new(task.clone(), config.seed, index))
+            .collect();
+        let collectors = environments.iter_mut().map(CollectorState::start).collect();
+        let num_samples = training.num_environments * training.horizon;
+        Self {
+            model,
+            forward: fastest_forward(),
+            parameters: model.initial_parameters(config.seed, config.network.initial_log_std),
+            adam: Adam::new(model.num_parameters(), settings.learning_rate),
+            moments: RunningMoments::new(model.num_observations()),
+            environments,
+            collectors,
+            progress: Progress::default(),
+            rollout: Rollout::new(
+                training.num_environments,
+                training.horizon,
+                model.num_observations(),
+                model.num_actions(),
+            ),
+            workspace: PpoWorkspace::new(&model, &settings, num_samples),
+            settings,
+            resolved,
+        }
+    }
+
+    /// The configuration and the task.
+    pub fn resolved(&self) -> &Resolved {
+        &self.resolved
+    }
+
+    /// Sizes of what is learned.
+    pub fn model(&self) -> &ActorCritic {
+        &self.model
+    }
+
+    /// How far the training has come.
+    pub fn progress(&self) -> Progress {
+        self.progress
+    }
+
+    /// The actor's parameters as they are now.
+    pub fn actor_parameters(&self) -> &[f32] {
+        self.model.split(&self.parameters[..]).actor
+    }
+
+    /// The observation's statistics as they are now.
+    pub fn normaliser(&self) -> Normaliser {
+        Normaliser::from_moments(&self.moments)
+    }
+
+    /// Whether the configured number of env steps or episodes is reached.
+    pub fn is_finished(&self) -> bool {
+        let training = &self.resolved.config.training;
+        self.progress.env_steps >= training.max_env_steps
+            || training.max_episodes.is_some_and(|episodes| self.progress.episodes >= episodes)
+    }
+
+    /// One iteration.
+    ///
+    /// # Errors
+    /// [`Divergence`] if the update met a number that is not finite; parameters and optimiser are then as before it.
+    pub fn iterate(&mut self, workers: &Workers) -> Result<IterationReport, Divergence> {
+        let start = Instant::now();
+        self.collect(workers);
+        let collected = Instant::now();
+        compute_values(&mut self.rollout, &self.model, &self.parameters, workers);
+        estimate_advantages(&mut self.rollout, self.settings.gamma, self.settings.gae_lambda);
+        let context = UpdateContext {
+            model: &self.model,
+            settings: &self.settings,
+            executor: workers,
+            seed: self.resolved.config.seed,
+            iteration: self.progress.iterations,
+        };
+        let update = update(&mut self.parameters, &mut self.adam, &self.rollout, &context, &mut self.workspace)?;
+        let updated = Instant::now();
+        Ok(self.report(update, (collected - start).as_secs_f64(), (updated - collected).as_secs_f64()))
+    }
+
+    /// Fills the rollout: every thread steps whole environments, none waits for another.
+    pub fn collect(&mut self, workers: &Workers) {
+        let normaliser = self.normaliser();
+        let parts = self.model.split(&self.parameters[..]);
+        let policy = PolicyView {
+            actor: Network::new(self.model.actor, parts.actor).expect("the model's own part"),
+            log_std: parts.log_std,
+            normaliser: &normaliser,
+            forward: self.forward,
+        };
+        let (seed, iteration) = (self.resolved.config.seed, self.progress.iterations);
+        let mut columns: Vec<_> = self.rollout.columns_mut().collect();
+        let (environments, collectors) = (&mut self.environments, &mut self.collectors);
+        workers.install(|| {
+            environments
+                .par_iter_mut()
+                .zip(collectors.par_iter_mut())
+                .zip(columns.par_iter_mut())
+                .enumerate()
+                .with_max_len(1)
+                .for_each(|(index, ((environment, collector), column))| {
+                    let mut rng = stream(seed, Purpose::Exploration, index as u64, iteration);
+                    collect_column(environment, &policy, column, collector, &mut rng);
+                });
+        });
+    }
+
+    /// Moves the counters on, merges the observations' statistics in the order of the environments, and reports.
+    fn report(&mut self, update: UpdateMetrics, collect_s: f64, update_s: f64) -> IterationReport {
+        let mut episodes = Vec::new();
+        for collector in &self.collectors {
+            self.moments.merge(&collector.moments);
+            episodes.extend_from_slice(&collector.finished_episodes);
+        }
+        let (mut forward_m, mut work_j, mut accidents) = (0.0, 0.0, [0; Accident::ALL.len()]);
+        for environment in &mut self.environments {
+            let travel = std::mem::take(&mut environment.travel);
+            forward_m += travel.forward_m;
+            work_j += travel.work_j;
+            for (total, count) in accidents.iter_mut().zip(travel.accidents) {
+                *total += count;
+            }
+        }
+        let num_samples = self.rollout.num_samples();
+        self.progress.iterations += 1;
+        self.progress.env_steps += num_samples as u64;
+        self.progress.episodes += episodes.len() as u64;
+        let time_s = num_samples as f64 * self.resolved.config.task.control_dt_s;
+        let log_std = self.model.split(&self.parameters[..]).log_std;
+        IterationReport {
+            progress: self.progress,
+            episodes,
+            accidents,
+            speed_m_per_s: forward_m / time_s,
+            power_w: work_j / time_s,
+            mean_std: log_std.iter().map(|value| f64::from(value.exp())).sum::<f64>() / log_std.len() as f64,
+            update,
+            collect_s,
+            update_s,
+        }
+    }
+}

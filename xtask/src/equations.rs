@@ -118,6 +118,10 @@ fn equations(source: &str) -> Vec<Result<Equation, String>> {
             continue;
         }
         if let Some(function) = function_name(code)
+            && comment.iter().any(|line| line.contains(" Source: "))
+        {
+            found.push(Err(format!("{}: `{function}`: `Source:` has to begin a line of the comment", i + 1)));
+        } else if let Some(function) = function_name(code)
             && let Some(source) = source_of(&comment)
         {
             let name = match &owners[i] {
@@ -232,6 +236,11 @@ fn without_doc_links(text: &str) -> String {
     let mut shown = pieces.next().unwrap_or_default().to_owned();
     for piece in pieces {
         match piece.split_once("`]") {
+            // A path in brackets behind the name is rustdoc's too; a file's is a reader's.
+            Some((name, rest)) if rest.starts_with("(crate::") => {
+                let rest = rest.split_once(')').map_or("", |(_, rest)| rest);
+                shown.extend(["`", name, "`", rest]);
+            }
             Some((name, rest)) if !rest.starts_with('(') => shown.extend(["`", name, "`", rest]),
             _ => shown.extend(["[`", piece]),
         }
@@ -338,6 +347,13 @@ mod tests {
     #[test]
     fn links_to_code_become_names() {
         assert_eq!(without_doc_links("a [`b`], [`c`](d) and [e]"), "a `b`, [`c`](d) and [e]");
+        assert_eq!(without_doc_links("[`f`](crate::g::f) of"), "`f` of");
+    }
+
+    #[test]
+    fn a_source_in_the_middle_of_a_line_is_an_error() {
+        let found = equations("/// Half. Source: here\nfn half() {}\n");
+        assert_eq!(found, [Err("2: `half`: `Source:` has to begin a line of the comment".to_owned())]);
     }
 
     #[test]

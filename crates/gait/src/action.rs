@@ -73,7 +73,7 @@ impl Range {
     }
 }
 
-/// The box of gait parameters that [`Modulation::Modulate`] may use; a tuned gait is searched in the same box.
+/// The box of gait parameters that [`Modulation::Modulate`] may use.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ParameterRanges {
     /// Stride frequency as a multiple of the prior's.
@@ -97,7 +97,9 @@ pub const MAX_AMPLITUDE_RAD: f32 = 1.0;
 /// parameter = (1 - a) default + a mapped
 /// ```
 ///
-/// Authority a = 0 returns the prior's bytes, 1 leaves the policy free. Source: eq. 4 of the paper, whose a is 1/2.
+/// Authority a = 0 returns the prior's bytes, 1 leaves the policy free.
+///
+/// Source: eq. 4 of the paper, whose a is 1/2.
 #[inline]
 pub fn blend(authority: f32, default: f32, mapped: f32) -> f32 {
     (1.0 - authority) * default + authority * mapped
@@ -121,7 +123,9 @@ impl ActionLaw {
     /// amplitude = min(a N + (1 - a) amplitude_0, 1)
     /// ```
     ///
-    /// Eq. 5 clips above 1 only, and so does this. Source: eq. 4 and 5 of the paper with a = 1/2.
+    /// Eq. 5 clips above 1 only, and so does this.
+    ///
+    /// Source: eq. 4 and 5 of the paper with a = 1/2.
     #[inline]
     pub fn amplitude(&self, default: f32, action: f32) -> f32 {
         blend(self.authority, default, action).min(MAX_AMPLITUDE_RAD)

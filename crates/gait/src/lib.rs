@@ -9,8 +9,8 @@
 //! 4. [`prior`]: the gait with these parameters at the current [`phase`] becomes a leg position;
 //! 5. [`kinematics`]: limits, then actuator targets.
 //!
-//! There is no allocation, no `std` and no global state here, and nothing that runs once a step can panic:
-//! constructors check lengths, steps only iterate.
+//! There is no allocation, no `std` and no global state here, and nothing that runs once a step can panic: steps iterate
+//! over what there is, so a slice that is too short shortens the result.
 #![no_std]
 #![forbid(unsafe_code)]
 

@@ -7,7 +7,7 @@ pub struct Sensors<'a> {
     pub motor_angles: &'a [f32],
     /// `(M)` velocities of the motor joints [rad/s].
     pub motor_velocities: &'a [f32],
-    /// Roll, pitch and yaw of the body against gravity and the starting heading [rad] (intrinsic z-y-x).
+    /// Roll and pitch of the body against gravity, yaw against the direction in which it is to walk [rad] (intrinsic z-y-x).
     pub orientation: [f32; 3],
     /// Angular velocity of the body in its own frame [rad/s].
     pub angular_velocity_in_body: [f32; 3],

@@ -141,7 +141,7 @@ impl Env {
         let (root, _) = robot.root;
         let quaternion = frame::quaternion(&ground_from_body);
         self.simulation.qpos_mut()[root + 3..root + 7].copy_from_slice(&quaternion);
-        self.simulation.forward();
+        self.simulation.update_positions();
         for address in &robot.leg_addresses {
             let foot_m = self.simulation.geom_positions_in_world()[address.foot][2];
             lowest_foot_m = lowest_foot_m.min(foot_m - robot.model.geom_radius_m(address.foot));

@@ -49,7 +49,9 @@ pub fn multiply(a: &Matrix3, b: &Matrix3) -> Matrix3 {
 /// ```
 ///
 /// A plane that is tilted under straight gravity and a level plane under tilted gravity are the same physics; the
-/// second keeps MuJoCo's world the ground's frame. Source: rotation of the frame.
+/// second keeps MuJoCo's world the ground's frame.
+///
+/// Source: rotation of the frame.
 pub fn gravity_in_ground(gravity: f64, slope_rad: f64) -> [f64; 3] {
     [-gravity * slope_rad.sin(), 0.0, -gravity * slope_rad.cos()]
 }

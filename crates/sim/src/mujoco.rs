@@ -201,6 +201,11 @@ impl Simulation {
         self.data.forward();
     }
 
+    /// Computes where bodies and geoms are, and nothing else that the next step could depend on.
+    pub fn update_positions(&mut self) {
+        self.data.kinematics();
+    }
+
     /// The generalised positions, `(nq)` [m, rad].
     pub fn qpos(&self) -> &[f64] {
         self.data.qpos()

@@ -517,12 +517,14 @@ fn named_gait(index: usize, gait: &GaitSettings, legs: &[Leg], problems: &mut Pr
     })
 }
 
-/// 64-bit FNV-1a over the files: tells versions of a robot apart, no protection against intent.
+/// 64-bit FNV-1a over the files, each followed by its length: tells versions of a robot apart, no protection against
+/// intent. Files that the model includes are not read.
 fn fingerprint(files: &[&[u8]]) -> u64 {
     const OFFSET_BASIS: u64 = 0xcbf2_9ce4_8422_2325;
     const PRIME: u64 = 0x0000_0100_0000_01b3;
-    files
-        .iter()
-        .flat_map(|file| file.iter())
-        .fold(OFFSET_BASIS, |hash, &byte| (hash ^ u64::from(byte)).wrapping_mul(PRIME))
+    let step = |hash: u64, byte: &u8| (hash ^ u64::from(*byte)).wrapping_mul(PRIME);
+    files.iter().fold(OFFSET_BASIS, |hash, file| {
+        let length = (file.len() as u64).to_le_bytes();
+        file.iter().chain(&length).fold(hash, step)
+    })
 }

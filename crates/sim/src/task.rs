@@ -187,6 +187,9 @@ impl Task {
                 problems.at(&format!("policy.observation[{i}]"), format!("`{}` is there already", block.name()));
             }
         }
+        if policy.modulation == ModulationChoice::Direct && policy.authority < 1.0 {
+            problems.at("policy.authority", "`direct` has no prior to leave a share to: set it to 1");
+        }
         let gait = robot.gait(&policy.prior);
         if gait.is_none() {
             let known: Vec<_> = robot.gaits.iter().map(|gait| format!("`{}`", gait.name)).collect();

@@ -40,7 +40,7 @@ pub fn policy_settings(prior: &str, modulation: ModulationChoice) -> PolicySetti
     PolicySettings {
         prior: prior.to_owned(),
         modulation,
-        authority: 0.5,
+        authority: if modulation == ModulationChoice::Direct { 1.0 } else { 0.5 },
         observation: BlockChoice::ALL.to_vec(),
         ranges: RangeSettings {
             frequency_factor: vec![0.5, 2.0],

@@ -15,7 +15,8 @@ pub struct Cli {
 }
 
 const EXIT_CODES: &str = "\
-Exit codes: 0 done; 1 failed, with a message; 2 wrong usage; 130 stopped by Ctrl-C or SIGTERM, everything saved.";
+Exit codes: 0 done; 1 failed, with a message; 2 wrong usage; 130 stopped by Ctrl-C or SIGTERM.\n\
+The first signal saves before it stops, a second one falls back to the last checkpoint.";
 
 #[derive(Debug, Subcommand)]
 pub enum Command {
@@ -45,13 +46,13 @@ pub struct TrainArgs {
     #[arg(default_value = canter_train::config::DEFAULT_PRESET)]
     pub preset: String,
     /// Seed of every random stream; the same seed gives the same bytes, whatever the number of threads
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub seed: Option<u64>,
     /// Worker threads; as many as there are cores if not given
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub threads: Option<u16>,
     /// Env steps of training; short for `--set training.max_env_steps=N`
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub steps: Option<u64>,
     /// The run directory; `runs/PRESET-SEED-n` if not given
     #[arg(long, value_name = "DIR")]
@@ -88,17 +89,17 @@ pub struct EvalArgs {
     /// Name of a bare gait of that robot
     #[arg(long, value_name = "NAME", requires = "robot")]
     pub prior: Option<String>,
-    /// Slope of the ground, positive uphill [deg]
+    /// Slope of the ground in degrees, positive uphill
     #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
     pub slope: Option<f64>,
     /// Sliding friction between feet and ground
-    #[arg(long, value_name = "X")]
+    #[arg(long, value_name = "X", allow_negative_numbers = true)]
     pub friction: Option<f64>,
     /// Episodes of each gait
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub episodes: Option<usize>,
     /// Seed of the random starts
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub seed: Option<u64>,
     /// Worker threads; as many as there are cores if not given
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]

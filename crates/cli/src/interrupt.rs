@@ -6,18 +6,34 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use crate::error::{CliError, STOPPED};
 use crate::output::complain;
 
-/// A flag that the first signal sets.
-///
-/// # Errors
-/// The system's, if signals cannot be listened to.
-pub fn stop_flag() -> Result<Arc<AtomicBool>, CliError> {
-    let stop = Arc::new(AtomicBool::new(false));
-    let flag = stop.clone();
-    ctrlc::set_handler(move || {
-        if flag.swap(true, Ordering::Relaxed) {
-            std::process::exit(i32::from(STOPPED));
-        }
-        complain("\nstopping after this iteration; once more stops at once, back to the last checkpoint");
-    })?;
-    Ok(stop)
+/// What a signal does now.
+#[derive(Debug, Default)]
+pub struct Interrupt {
+    /// Set by the first signal.
+    pub stop: AtomicBool,
+    /// Set once everything is saved: from then on a signal ends the program at once.
+    is_saved: AtomicBool,
+}
+
+impl Interrupt {
+    /// Listens from now on.
+    ///
+    /// # Errors
+    /// The system's, if signals cannot be listened to.
+    pub fn listen() -> Result<Arc<Self>, CliError> {
+        let interrupt = Arc::new(Self::default());
+        let shared = interrupt.clone();
+        ctrlc::set_handler(move || {
+            if shared.is_saved.load(Ordering::Relaxed) || shared.stop.swap(true, Ordering::Relaxed) {
+                std::process::exit(i32::from(STOPPED));
+            }
+            complain("\nstopping after this iteration; once more stops at once, back to the last checkpoint");
+        })?;
+        Ok(interrupt)
+    }
+
+    /// From now on there is nothing to lose.
+    pub fn everything_is_saved(&self) {
+        self.is_saved.store(true, Ordering::Relaxed);
+    }
 }

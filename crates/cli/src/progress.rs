@@ -1,29 +1,39 @@
 //! The progress line of a training; nothing unless standard error is a terminal.
 
-use canter_train::config::RunConfig;
+use std::time::{Duration, Instant};
+
+use canter_train::config::TrainingSettings;
 use canter_train::trainer::{IterationReport, Progress};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 /// Finished episodes over which the return is averaged.
 const RETURN_WINDOW: usize = 50;
 
+/// Ticks of the bar: finer than anyone can see.
+const TICKS: u64 = 1000;
+
 /// Shows how far a training has come, how fast the robot walks, and how long it will take.
 pub struct ProgressLine {
     bar: ProgressBar,
+    settings: TrainingSettings,
+    begin: Instant,
+    begin_progress: Progress,
     recent_returns: Vec<f64>,
 }
 
 impl ProgressLine {
-    /// A line for a training that has already come some way.
-    pub fn new(config: &RunConfig, progress: Progress) -> Self {
-        let target = ProgressDrawTarget::stderr_with_hz(5);
-        let bar = ProgressBar::with_draw_target(Some(config.training.max_env_steps), target);
-        let template = "{bar:24} {percent:>3}%  {msg}  {per_sec} left {eta}";
-        let style = ProgressStyle::with_template(template).expect("a valid template");
-        bar.set_style(style.progress_chars("=> ").with_key("per_sec", per_second));
-        bar.set_position(progress.env_steps);
-        bar.reset_eta();
-        Self { bar, recent_returns: Vec::new() }
+    /// A line for a training that may have come some way already.
+    pub fn new(settings: &TrainingSettings, progress: Progress) -> Self {
+        let bar = ProgressBar::with_draw_target(Some(TICKS), ProgressDrawTarget::stderr_with_hz(5));
+        let style = ProgressStyle::with_template("{bar:24} {percent:>3}%  {msg}").expect("a valid template");
+        bar.set_style(style.progress_chars("=> "));
+        Self {
+            bar,
+            settings: settings.clone(),
+            begin: Instant::now(),
+            begin_progress: progress,
+            recent_returns: Vec::new(),
+        }
     }
 
     /// Shows an iteration.
@@ -31,22 +41,36 @@ impl ProgressLine {
         self.recent_returns.extend(report.episodes.iter().map(|episode| episode.episode_return));
         let surplus = self.recent_returns.len().saturating_sub(RETURN_WINDOW);
         self.recent_returns.drain(..surplus);
-        let mean_return = if self.recent_returns.is_empty() {
-            "return -".to_owned()
-        } else {
-            let mean = self.recent_returns.iter().sum::<f64>() / self.recent_returns.len() as f64;
-            format!("return {mean:.1}")
+        let mean_return = match self.recent_returns.len() {
+            0 => "-".to_owned(),
+            count => format!("{:.1}", self.recent_returns.iter().sum::<f64>() / count as f64),
         };
-        self.bar.set_message(format!("{:.2} m/s exploring, {mean_return},", report.speed_m_per_s));
-        self.bar.set_position(report.progress.env_steps);
+        let elapsed = self.begin.elapsed();
+        let steps_per_s = (report.progress.env_steps - self.begin_progress.env_steps) as f64 / elapsed.as_secs_f64();
+        let share = self.share(report.progress);
+        self.bar.set_position((share * TICKS as f64) as u64);
+        self.bar.set_message(format!(
+            "{:.2} m/s exploring, return {mean_return}, {steps_per_s:.0} steps/s, {} s left",
+            report.speed_m_per_s,
+            self.time_left(share, elapsed).as_secs()
+        ));
+    }
+
+    /// Share of the training that is done: whatever ends it first, env steps or episodes.
+    fn share(&self, progress: Progress) -> f64 {
+        let by_steps = progress.env_steps as f64 / self.settings.max_env_steps as f64;
+        let by_episodes = self.settings.max_episodes.map_or(0.0, |max| progress.episodes as f64 / max as f64);
+        by_steps.max(by_episodes).min(1.0)
+    }
+
+    /// Time left if it goes on as since the begin of this line.
+    fn time_left(&self, share: f64, elapsed: Duration) -> Duration {
+        let done = share - self.share(self.begin_progress);
+        if done > 0.0 { elapsed.mul_f64((1.0 - share) / done) } else { Duration::ZERO }
     }
 
     /// Leaves the line as it is.
     pub fn finish(self) {
         self.bar.abandon();
     }
-}
-
-fn per_second(state: &indicatif::ProgressState, writer: &mut dyn std::fmt::Write) {
-    let _ = write!(writer, "{:.0} steps/s,", state.per_sec());
 }

@@ -78,6 +78,7 @@ fn falls(report: &GaitReport) -> String {
     let episodes = report.speeds_m_per_s.len();
     match report.falls {
         0 => format!("no fall in {episodes} episodes"),
+        1 => format!("1 fall in {episodes} episodes"),
         falls => format!("{falls} falls in {episodes} episodes"),
     }
 }

@@ -336,14 +336,18 @@ pub fn built_in_robots() -> impl Iterator<Item = &'static str> {
     BUILT_IN.iter().map(|robot| robot.name)
 }
 
+/// Whether a robot is given by the path of its `robot.toml`, not by its name.
+pub fn is_robot_path(name_or_path: &str) -> bool {
+    name_or_path.contains(std::path::MAIN_SEPARATOR) || name_or_path.ends_with(".toml")
+}
+
 impl Robot {
     /// Loads a built-in robot by its name, or a robot of the user's by the path of its `robot.toml`.
     ///
     /// # Errors
     /// Everything that is wrong with `robot.toml` at once, or what MuJoCo says of the model.
     pub fn load(name_or_path: &str) -> Result<Self, RobotError> {
-        let is_path = name_or_path.contains(std::path::MAIN_SEPARATOR) || name_or_path.ends_with(".toml");
-        if is_path {
+        if is_robot_path(name_or_path) {
             return Self::from_file(Path::new(name_or_path));
         }
         let Some(robot) = BUILT_IN.iter().find(|robot| robot.name == name_or_path) else {

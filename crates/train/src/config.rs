@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use canter_learn::policy::ActorCritic;
 use canter_learn::settings::{Objective, PpoSettings};
+use canter_sim::robot::is_robot_path;
 use canter_sim::settings::{Document, Problems, above};
 use canter_sim::{PolicySettings, RewardSettings, Robot, RobotError, Task, TaskSettings};
 use canter_sim::{choices, settings};
@@ -224,8 +225,8 @@ pub fn resolve(document: &Document) -> Result<Resolved, ConfigError> {
         }
     })?;
     let robot = Arc::new(Robot::load(&config.robot)?);
-    if let Ok(path) = Path::new(&config.robot).canonicalize()
-        && path.is_file()
+    if is_robot_path(&config.robot)
+        && let Ok(path) = Path::new(&config.robot).canonicalize()
     {
         // A run directory may be read from another working directory.
         config.robot = path.display().to_string();

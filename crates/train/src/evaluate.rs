@@ -102,19 +102,32 @@ pub fn cost_of_transport(power_w: f64, weight_n: f64, speed_m_per_s: f64) -> Opt
 
 /// Measures one gait; the same settings give every gait the same starts.
 pub fn evaluate(task: &Task, mover: Mover<'_>, settings: &EvaluationSettings, workers: &Workers) -> GaitReport {
+    let episodes = run_episodes(task, Env::new, mover, settings, workers);
+    let weight_n = task.robot.model.total_mass_kg() * task.robot.model.gravity();
+    GaitReport::new(&episodes, weight_n)
+}
+
+/// The episodes of one gait, in environments that `new_env` makes: [`Env::new`], or a what-if study's.
+///
+/// `new_env` gets the task without its goal and with the evaluation's time limit.
+pub fn run_episodes(
+    task: &Task,
+    new_env: impl Fn(Arc<Task>) -> Env + Sync,
+    mover: Mover<'_>,
+    settings: &EvaluationSettings,
+    workers: &Workers,
+) -> Vec<Episode> {
     let mut task = task.clone();
     task.settings.goal_distance_m = None;
     task.max_env_steps = (settings.episode_s / task.settings.control_dt_s).round() as u32;
     let task = Arc::new(task);
-    let episodes: Vec<Episode> = workers.install(|| {
+    workers.install(|| {
         (0..settings.num_episodes)
             .into_par_iter()
             .with_max_len(1)
-            .map_init(|| Env::new(task.clone()), |env, number| run_episode(env, mover, settings, number as u64))
+            .map_init(|| new_env(task.clone()), |env, number| run_episode(env, mover, settings, number as u64))
             .collect()
-    });
-    let weight_n = task.robot.model.total_mass_kg() * task.robot.model.gravity();
-    GaitReport::new(&episodes, weight_n)
+    })
 }
 
 /// Episode number `number` from its own random start.
@@ -205,7 +218,9 @@ impl GaitReport {
 /// ratio = mean speed / mean speed of the other
 /// ```
 ///
-/// None unless the other gait moves forward. Source: our definition; the interval is [`bootstrap_interval`]'s.
+/// None unless the other gait moves forward.
+///
+/// Source: our definition; the interval is [`bootstrap_interval`]'s.
 pub fn speed_ratio(gait: &GaitReport, other: &GaitReport) -> Option<(f64, [f64; 2])> {
     let ratio = |a: &[f64], b: &[f64]| mean(a) / mean(b);
     let (own, others) = (&gait.speeds_m_per_s, &other.speeds_m_per_s);

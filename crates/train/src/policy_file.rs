@@ -1,7 +1,7 @@
 //! `policy.safetensors`: everything that the robot's code needs to run a learned gait, with vectors that prove it.
 
 use canter_gait::{LegGeometry, Network, NetworkShape, Normaliser, Policy, Waveform};
-use canter_sim::Task;
+use canter_sim::{NamedGait, Task};
 use serde::{Deserialize, Serialize};
 
 use crate::tensors::{TensorError, TensorFile};
@@ -267,7 +267,14 @@ impl PolicyFile {
             return differs("the action law", &own.action, &other.action);
         }
         if own.gait != other.gait {
-            return differs("the gait", &own.gait, &other.gait);
+            let gait = task.controller().gait();
+            let is_present =
+                |known: &&NamedGait| known.legs == gait.legs && known.stride_frequency_hz == gait.stride_frequency_hz;
+            let present = task.robot.gaits.iter().find(is_present).map_or("", |known| &known.name);
+            if own.gait.name != present {
+                return differs("the gait", &own.gait.name, &present);
+            }
+            return differs("another version of the gait", &own.gait.name, &"the robot's present one");
         }
         if own.robot.fingerprint != other.robot.fingerprint || own.robot != other.robot {
             return differs("another version of the robot's files,", &own.robot.fingerprint, &other.robot.fingerprint);

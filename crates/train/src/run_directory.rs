@@ -234,17 +234,24 @@ impl RunDirectory {
     }
 }
 
+/// The configuration of a run, whose values may still be overridden.
+///
+/// # Errors
+/// No run there, or a configuration that is not TOML.
+pub fn open_config(run: &Path) -> Result<Document, RunError> {
+    let path = config_path(run);
+    if !path.is_file() {
+        return Err(RunError::NotARun { path: run.to_owned(), missing: "config.toml" });
+    }
+    Ok(Document::load(&path).map_err(ConfigError::from)?)
+}
+
 /// The configuration of a run, resolved again.
 ///
 /// # Errors
 /// No run there, or a configuration that no longer fits its robot.
 pub fn read_config(run: &Path) -> Result<Resolved, RunError> {
-    let path = config_path(run);
-    if !path.is_file() {
-        return Err(RunError::NotARun { path: run.to_owned(), missing: "config.toml" });
-    }
-    let document = Document::load(&path).map_err(ConfigError::from)?;
-    Ok(resolve(&document)?)
+    Ok(resolve(&open_config(run)?)?)
 }
 
 /// The policy of a run.

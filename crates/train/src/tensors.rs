@@ -8,6 +8,9 @@ use safetensors::tensor::{Dtype, TensorView};
 /// The one metadata entry; several would be written in random order.
 const METADATA_KEY: &str = "canter";
 
+/// The array that holds the checksum of everything else.
+const CHECKSUM_NAME: &str = "checksum";
+
 /// Named arrays and their metadata, in memory.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct TensorFile {
@@ -75,6 +78,9 @@ pub enum TensorError {
     /// An array holds infinities or NaN.
     #[error("the array `{0}` holds numbers that are not finite")]
     NotFinite(String),
+    /// The content is not what was written.
+    #[error("its checksum does not fit its content: the file is damaged")]
+    Checksum,
 }
 
 impl TensorFile {
@@ -123,9 +129,24 @@ impl TensorFile {
         self.arrays.get(name).map(|array| &array.shape[..])
     }
 
+    /// 64-bit FNV-1a over metadata and arrays: notices accidents, no protection against intent.
+    fn checksum(&self) -> Array {
+        const OFFSET_BASIS: u64 = 0xcbf2_9ce4_8422_2325;
+        const PRIME: u64 = 0x0000_0100_0000_01b3;
+        let add = |hash: u64, bytes: &[u8]| {
+            bytes.iter().fold(hash, |hash, &byte| (hash ^ u64::from(byte)).wrapping_mul(PRIME))
+        };
+        let hash = self.arrays.iter().fold(add(OFFSET_BASIS, self.metadata.as_bytes()), |hash, (name, array)| {
+            let header = format!("{name:?}{:?}{:?}", array.dtype, array.shape);
+            add(add(hash, header.as_bytes()), &array.bytes)
+        });
+        Array { dtype: Dtype::U64, shape: vec![1], bytes: hash.to_le_bytes().to_vec() }
+    }
+
     /// The file's bytes; the same content gives the same bytes.
     pub fn to_bytes(&self) -> Vec<u8> {
-        let views = self.arrays.iter().map(|(name, array)| {
+        let checksum = (CHECKSUM_NAME.to_owned(), self.checksum());
+        let views = self.arrays.iter().chain([(&checksum.0, &checksum.1)]).map(|(name, array)| {
             let view =
                 TensorView::new(array.dtype, array.shape.clone(), &array.bytes).expect("`push` checked the length");
             (name, view)
@@ -137,7 +158,7 @@ impl TensorFile {
     /// Reads what [`to_bytes`](Self::to_bytes) wrote.
     ///
     /// # Errors
-    /// Bytes that are no such file.
+    /// Bytes that are no such file, or one that was changed since.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, TensorError> {
         let (_, header) = SafeTensors::read_metadata(bytes)?;
         let metadata = header.metadata().as_ref().and_then(|entries| entries.get(METADATA_KEY));
@@ -147,7 +168,13 @@ impl TensorFile {
             let array = Array { dtype: view.dtype(), shape: view.shape().to_vec(), bytes: view.data().to_vec() };
             (name.to_owned(), array)
         });
-        Ok(Self { metadata, arrays: arrays.collect() })
+        let mut file = Self { metadata, arrays: arrays.collect() };
+        let checksum =
+            file.arrays.remove(CHECKSUM_NAME).ok_or_else(|| TensorError::Missing(CHECKSUM_NAME.to_owned()))?;
+        if checksum != file.checksum() {
+            return Err(TensorError::Checksum);
+        }
+        Ok(file)
     }
 }
 

@@ -1,13 +1,12 @@
 //! `canter eval`.
 
 use std::process::ExitCode;
-use std::sync::Arc;
 
-use canter_sim::Task;
+use canter_sim::settings::Document;
 use canter_train::config::{DEFAULT_PRESET, Resolved, open_preset, resolve};
 use canter_train::evaluate::judge;
 use canter_train::policy_file::PolicyFile;
-use canter_train::run_directory::{RunError, policy_path, read_config, read_policy};
+use canter_train::run_directory::{RunError, open_config, policy_path, read_policy};
 
 use crate::args::EvalArgs;
 use crate::commands::workers;
@@ -17,18 +16,7 @@ use crate::verdict::describe;
 
 /// `canter eval`.
 pub fn eval(args: &EvalArgs) -> Result<ExitCode, CliError> {
-    let (mut resolved, policy) = subject(args)?;
-    let mut task = Task::clone(&resolved.task);
-    if let Some(slope) = args.slope {
-        task.settings.slope_deg = slope;
-    }
-    if args.friction.is_some() {
-        task.settings.friction = args.friction;
-    }
-    resolved.task = Arc::new(task);
-    let settings = &mut resolved.config.evaluation;
-    settings.num_episodes = args.episodes.unwrap_or(settings.num_episodes);
-    settings.seed = args.seed.unwrap_or(settings.seed);
+    let (resolved, policy) = subject(args)?;
     let workers = workers(args.threads)?;
     let policy = policy.as_ref().map(PolicyFile::policy);
     let prior = &resolved.config.policy.prior;
@@ -42,10 +30,10 @@ pub fn eval(args: &EvalArgs) -> Result<ExitCode, CliError> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// What is to be measured: a run's policy, or a bare gait.
+/// What is to be measured, and how: a run's policy, or a bare gait.
 fn subject(args: &EvalArgs) -> Result<(Resolved, Option<PolicyFile>), CliError> {
     if let Some(run) = &args.run {
-        let resolved = read_config(run)?;
+        let resolved = resolve(&with_overrides(open_config(run)?, args))?;
         let policy = read_policy(run)?;
         policy.check(&resolved.task).map_err(|source| RunError::Policy { path: policy_path(run), source })?;
         return Ok((resolved, Some(policy)));
@@ -57,5 +45,21 @@ fn subject(args: &EvalArgs) -> Result<(Resolved, Option<PolicyFile>), CliError> 
             document.set(key, &format!("{value:?}"));
         }
     }
-    Ok((resolve(&document)?, None))
+    Ok((resolve(&with_overrides(document, args))?, None))
+}
+
+/// The document with what was typed in its place, so that it is checked like the file.
+fn with_overrides(mut document: Document, args: &EvalArgs) -> Document {
+    let overrides = [
+        ("task.slope_deg", args.slope.map(|slope| format!("{slope:?}"))),
+        ("task.friction", args.friction.map(|friction| format!("{friction:?}"))),
+        ("evaluation.num_episodes", args.episodes.map(|episodes| episodes.to_string())),
+        ("evaluation.seed", args.seed.map(|seed| seed.to_string())),
+    ];
+    for (key, value) in overrides {
+        if let Some(value) = value {
+            document.set(key, &value);
+        }
+    }
+    document
 }

@@ -17,7 +17,7 @@ use serde_json::json;
 use crate::args::{ResumeArgs, TrainArgs};
 use crate::commands::workers;
 use crate::error::{CliError, STOPPED};
-use crate::interrupt::stop_flag;
+use crate::interrupt::Interrupt;
 use crate::output::{complain, say};
 use crate::progress::ProgressLine;
 use crate::verdict::describe;
@@ -75,18 +75,19 @@ pub fn resume(args: &ResumeArgs) -> Result<ExitCode, CliError> {
 
 /// Trains to the end and judges the result.
 fn go_on(mut trainer: Trainer, directory: &RunDirectory, workers: &Workers) -> Result<ExitCode, CliError> {
-    let stop = stop_flag()?;
+    let interrupt = Interrupt::listen()?;
     let start = Instant::now();
     let steps_before = trainer.progress().env_steps;
-    let mut line = ProgressLine::new(&trainer.resolved().config, trainer.progress());
+    let mut line = ProgressLine::new(&trainer.resolved().config.training, trainer.progress());
     let (mut collect_s, mut update_s) = (0.0, 0.0);
-    let ending = run::train(&mut trainer, directory, workers, &stop, &mut |report| {
+    let ending = run::train(&mut trainer, directory, workers, &interrupt.stop, &mut |report| {
         collect_s += report.collect_s;
         update_s += report.update_s;
         line.show(report);
     });
     line.finish();
     let ending = ending?;
+    interrupt.everything_is_saved();
     let train_s = start.elapsed().as_secs_f64();
     let env_steps = trainer.progress().env_steps;
     let run = directory.path().display();
@@ -94,24 +95,28 @@ fn go_on(mut trainer: Trainer, directory: &RunDirectory, workers: &Workers) -> R
         say(&format!("Stopped after {env_steps} env steps, saved. Go on with:  canter resume {run}"));
         return Ok(ExitCode::from(STOPPED));
     }
-    directory.write_json(
-        "run.json",
-        &json!({
-            "canter": env!("CARGO_PKG_VERSION"),
-            "mujoco": mujoco::version(),
-            "threads": workers.num_threads(),
-            "env_steps": env_steps - steps_before,
-            "train_s": train_s,
-            "collect_s": collect_s,
-            "update_s": update_s,
-        }),
-    )?;
-    say(&format!(
-        "Trained {} env steps in {train_s:.0} s: {:.0} steps/s, {:.0} % of the time updating. Now judging.",
-        env_steps - steps_before,
-        (env_steps - steps_before) as f64 / train_s,
-        100.0 * update_s / (collect_s + update_s)
-    ));
+    if env_steps == steps_before {
+        say("Nothing was left to train. Now judging.");
+    } else {
+        directory.write_json(
+            "run.json",
+            &json!({
+                "canter": env!("CARGO_PKG_VERSION"),
+                "mujoco": mujoco::version(),
+                "threads": workers.num_threads(),
+                "env_steps": env_steps - steps_before,
+                "train_s": train_s,
+                "collect_s": collect_s,
+                "update_s": update_s,
+            }),
+        )?;
+        say(&format!(
+            "Trained {} env steps in {train_s:.0} s: {:.0} steps/s, {:.0} % of the time updating. Now judging.",
+            env_steps - steps_before,
+            (env_steps - steps_before) as f64 / train_s,
+            100.0 * update_s / (collect_s + update_s)
+        ));
+    }
     let resolved = trainer.resolved();
     let policy = PolicyFile::of(&trainer);
     let config = &resolved.config;

@@ -1,0 +1,7 @@
+//! Sets the run path to MuJoCo's library for this crate's programs.
+
+fn main() {
+    println!("cargo::rerun-if-changed=build.rs");
+    let lib_dir = std::env::var("DEP_CANTER_SIM_LIB_DIR").expect("canter-sim's build script gives the folder");
+    println!("cargo::rustc-link-arg=-Wl,-rpath,{lib_dir}");
+}

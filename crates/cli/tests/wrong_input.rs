@@ -1,0 +1,291 @@
+//! Wrong input: one clear message, the right exit code, and nothing left behind.
+
+mod common;
+
+use std::fs;
+
+use common::{TemporaryFolder, in_repository, names, train_args};
+
+/// Runs canter in an empty folder, which must stay empty; expects exit code 1 and exactly this message.
+#[track_caller]
+fn assert_refused(args: &[&str], message: &str) {
+    assert_refused_in(&TemporaryFolder::new(), args, message);
+}
+
+/// Runs canter in a folder, in which nothing may be added; expects exit code 1 and exactly this message.
+#[track_caller]
+fn assert_refused_in(folder: &TemporaryFolder, args: &[&str], message: &str) {
+    let before = names(folder.path());
+    let complaint = folder.canter(args).failed_with(1);
+    assert_eq!(complaint, format!("error: {message}\n"));
+    assert_eq!(names(folder.path()), before);
+}
+
+/// Runs canter in an empty folder, which must stay empty; expects exit code 2 and the parser's words to begin like this.
+#[track_caller]
+fn assert_wrong_usage(args: &[&str], start: &str) {
+    let folder = TemporaryFolder::new();
+    let complaint = folder.canter(args).failed_with(2);
+    assert!(complaint.starts_with(start), "{complaint}");
+    assert_eq!(names(folder.path()), Vec::<String>::new());
+}
+
+#[test]
+fn unknown_presets() {
+    let message = "no preset is called `doggoo`: there are `doggo`, `paper`; a configuration of your own is given by the path \
+                   of its .toml file";
+    assert_refused(&["train", "doggoo"], message);
+    assert_refused(&["config", "doggoo"], message);
+    let message = "own.toml: cannot be read: No such file or directory (os error 2)";
+    assert_refused(&["train", "own.toml"], message);
+    assert_refused(&["config", "own.toml"], message);
+}
+
+#[test]
+fn wrong_values() {
+    for (value, message) in [
+        ("ppo.gama=0.9", "ppo.gama = 0.9 is not a known key: did you mean \"gamma\"?"),
+        ("trainig.horizon=64", "trainig = (a table) is not a known key: did you mean \"training\"?"),
+        ("ppo.gamma=high", "ppo.gamma = \"high\" has the wrong type: expected a number from 0 to 1"),
+        ("ppo.gamma=2", "ppo.gamma = 2 is out of range: expected a number from 0 to 1"),
+        ("seed=1.5", "seed = 1.5 has the wrong type: expected an integer"),
+        (
+            "policy.modulation=modulat",
+            "policy.modulation = \"modulat\" is not a known choice: expected one of \"amplitude\", \"leg-amplitude\", \
+             \"modulate\", \"direct\"; did you mean \"modulate\"?",
+        ),
+        (
+            "policy.prior=gallop",
+            "policy.prior = \"gallop\" is refused: doggo has no gait called `gallop`: there are `stepping`, `sine`, \
+             `sine-literal`",
+        ),
+        ("evaluation.settle_s=10", "evaluation.settle_s = 10 is refused: must be less than evaluation.episode_s"),
+    ] {
+        let expected = format!("--set {value}: {message}");
+        assert_refused(&["train", "--set", value, "--out", "run"], &expected);
+        assert_refused(&["config", "doggo", "--set", value], &expected);
+    }
+    let message = "--set training.max_env_steps=0: training.max_env_steps = 0 is out of range: expected an integer from 1 to \
+                   100000000000";
+    assert_refused(&["train", "--steps", "0"], message);
+}
+
+#[test]
+fn several_wrong_values_at_once() {
+    let args = ["train", "--set", "ppo.gamma=2", "--set", "ppo.gama=0.9", "--set", "network.actor_hidden=0"];
+    let message = "--set network.actor_hidden=0: network.actor_hidden = 0 is out of range: expected an integer from 1 to 1024\n\
+                   --set ppo.gama=0.9: ppo.gama = 0.9 is not a known key: did you mean \"gamma\"?\n\
+                   --set ppo.gamma=2: ppo.gamma = 2 is out of range: expected a number from 0 to 1\n\
+                   3 problems";
+    assert_refused(&args, message);
+}
+
+#[test]
+fn a_wrong_file_is_reported_with_lines() {
+    let folder = TemporaryFolder::new();
+    let preset = fs::read_to_string(in_repository("presets/paper.toml")).unwrap();
+    let line_of = |start: &str| preset.lines().position(|line| line.starts_with(start)).unwrap() + 1;
+    let wrong = preset.replace("gamma = 0.99", "gamma = -1").replace("seed = 1", "sed = 1");
+    fs::write(folder.join("own.toml"), wrong).unwrap();
+    let message = format!(
+        "own.toml:1:1: seed is missing: expected an integer\n\
+         own.toml:{}:1: sed = 1 is not a known key: did you mean \"seed\"?\n\
+         own.toml:{}:9: gamma = -1 is out of range: expected a number from 0 to 1\n\
+         3 problems",
+        line_of("seed = 1"),
+        line_of("gamma = 0.99")
+    )
+    .replace("gamma = -1 is", "ppo.gamma = -1 is");
+    assert_refused_in(&folder, &["train", "own.toml"], &message);
+    fs::write(folder.join("own.toml"), "robot = \"doggo\nseed = 1\n").unwrap();
+    let complaint = folder.canter(&["train", "own.toml"]).failed_with(1);
+    assert!(complaint.starts_with("error: own.toml:1:") && complaint.contains("not valid TOML: "), "{complaint}");
+    assert_eq!(names(folder.path()), ["own.toml"]);
+}
+
+#[test]
+fn wrong_usage() {
+    assert_wrong_usage(
+        &["train", "--set", "gamma"],
+        "error: invalid value 'gamma' for '--set <KEY=VALUE>': expected KEY=VALUE, for example ppo.gamma=0.98\n",
+    );
+    let not_a_number = "invalid digit found in string\n";
+    for (args, option) in [
+        (["train", "--seed", "-1"], "--seed <N>"),
+        (["train", "--steps", "-1"], "--steps <N>"),
+        (["eval", "--episodes", "-1"], "--episodes <N>"),
+        (["eval", "--seed", "-1"], "--seed <N>"),
+    ] {
+        assert_wrong_usage(&args, &format!("error: invalid value '-1' for '{option}': {not_a_number}"));
+    }
+    assert_wrong_usage(
+        &["train", "--threads", "0"],
+        "error: invalid value '0' for '--threads <N>': 0 is not in 1..=1024\n",
+    );
+    assert_wrong_usage(&["eval"], "error: the following required arguments were not provided:\n  <RUN>\n");
+    assert_wrong_usage(
+        &["eval", "run", "--robot", "doggo", "--prior", "sine"],
+        "error: the argument '[RUN]' cannot be used with:\n",
+    );
+    assert_wrong_usage(&["eval", "--robot", "doggo"], "error: the following required arguments were not provided:\n");
+    assert_wrong_usage(
+        &["trian"],
+        "error: unrecognized subcommand 'trian'\n\n  tip: a similar subcommand exists: 'train'\n",
+    );
+}
+
+/// A copy of Doggo's files in `folder/robot`, changed by `change_settings` and `change_model`.
+fn copy_of_doggo(
+    change_settings: impl Fn(String) -> String,
+    change_model: impl Fn(String) -> String,
+) -> TemporaryFolder {
+    let folder = TemporaryFolder::new();
+    let read = |name: &str| fs::read_to_string(in_repository("robots/doggo").join(name)).unwrap();
+    fs::create_dir(folder.join("robot")).unwrap();
+    fs::write(folder.join("robot/robot.toml"), change_settings(read("robot.toml"))).unwrap();
+    fs::write(folder.join("robot/doggo.xml"), change_model(read("doggo.xml"))).unwrap();
+    folder
+}
+
+const OWN_ROBOT: [&str; 3] = ["train", "--set", "robot=robot/robot.toml"];
+
+#[test]
+fn robots_that_are_not_there() {
+    let message =
+        "no robot is called `nobot`: there are doggo; a robot of your own is given by the path of its robot.toml";
+    assert_refused(&["train", "--set", "robot=nobot"], message);
+    assert_refused(&["eval", "--robot", "nobot", "--prior", "sine"], message);
+    assert_refused(&["robots", "nobot"], message);
+    let message = "robot/robot.toml: cannot be read: No such file or directory (os error 2)";
+    assert_refused(&OWN_ROBOT, message);
+    assert_refused(&["robots", "robot/robot.toml"], message);
+}
+
+#[test]
+fn models_that_are_missing_or_broken() {
+    let folder = copy_of_doggo(|text| text, |text| text);
+    fs::remove_file(folder.join("robot/doggo.xml")).unwrap();
+    let message = "robot/doggo.xml: cannot be read: No such file or directory (os error 2)";
+    assert_refused_in(&folder, &OWN_ROBOT, message);
+
+    for (good, bad, words) in [
+        ("</mujoco>", "", "XML parse error"),
+        ("<worldbody>", "<worldbody><geom type=\"blob\"/>", "invalid keyword: 'blob'"),
+    ] {
+        let folder = copy_of_doggo(|text| text, |text| text.replacen(good, bad, 1));
+        let complaint = folder.canter(&OWN_ROBOT).failed_with(1);
+        let start = "error: robot/doggo.xml: MuJoCo cannot load this model: ";
+        assert!(complaint.starts_with(start) && complaint.contains(words), "{complaint}");
+        // Not even MuJoCo's own log file.
+        assert_eq!(names(folder.path()), ["robot"]);
+        assert_eq!(names(&folder.join("robot")), ["doggo.xml", "robot.toml"]);
+    }
+}
+
+#[test]
+fn a_robot_that_does_not_fit_its_model() {
+    let change = |text: String| {
+        text.replace("foot = \"front_left_foot\"", "foot = \"paw\"")
+            .replace("body = \"chassis\"", "body = \"trunk\"")
+            .replace("\"back_right_knee_b\"", "\"elbow\"")
+    };
+    let folder = copy_of_doggo(change, |text| text);
+    let text = fs::read_to_string(folder.join("robot/robot.toml")).unwrap();
+    let place = |value: &str| {
+        let (i, line) = text.lines().enumerate().find(|(_, line)| line.contains(value)).unwrap();
+        format!("robot/robot.toml:{}:{}", i + 1, line.find(value).unwrap() + 1)
+    };
+    let message = format!(
+        "{}: body = \"trunk\" is refused: the model has no body called `trunk`\n\
+         {}: legs[0].foot = \"paw\" is refused: the model has no geom called `paw`\n\
+         {}: legs[2].knees[1] = \"elbow\" is refused: the model has no joint called `elbow`\n\
+         3 problems",
+        place("\"trunk\""),
+        place("\"paw\""),
+        place("\"elbow\""),
+    );
+    assert_refused_in(&folder, &OWN_ROBOT, &message);
+    assert_refused_in(&folder, &["robots", "robot/robot.toml"], &message);
+    assert_refused_in(&folder, &["eval", "--robot", "robot/robot.toml", "--prior", "sine"], &message);
+}
+
+#[test]
+fn run_directories_that_cannot_be_read() {
+    for command in ["eval", "resume"] {
+        assert_refused(&[command, "nowhere"], "nowhere: no run directory: it has no config.toml");
+        let folder = TemporaryFolder::new();
+        fs::create_dir(folder.join("empty")).unwrap();
+        assert_refused_in(&folder, &[command, "empty"], "empty: no run directory: it has no config.toml");
+        assert_eq!(names(&folder.join("empty")), Vec::<String>::new());
+        fs::write(folder.join("file"), "").unwrap();
+        assert_refused_in(&folder, &[command, "file"], "file: no run directory: it has no config.toml");
+        fs::create_dir(folder.join("binary")).unwrap();
+        fs::write(folder.join("binary/config.toml"), b"robot = \"\xff\"").unwrap();
+        let message = "binary/config.toml: not UTF-8: the byte at offset 9 belongs to no character";
+        assert_refused_in(&folder, &[command, "binary"], message);
+    }
+}
+
+#[test]
+fn runs_without_policy_or_checkpoint() {
+    let folder = TemporaryFolder::new();
+    fs::create_dir(folder.join("run")).unwrap();
+    let config = folder.canter(&["config", "doggo"]).succeeded();
+    fs::write(folder.join("run/config.toml"), config).unwrap();
+    let message = "run: no run directory: it has no policy.safetensors (has the training ended?)";
+    assert_refused_in(&folder, &["eval", "run"], message);
+    assert_refused_in(&folder, &["resume", "run"], "run/checkpoints: no checkpoint to go on from: there is none");
+}
+
+#[test]
+fn policies_of_other_runs() {
+    let folder = TemporaryFolder::new();
+    folder.canter(&train_args(&["--out", "sine"])).succeeded();
+    folder.canter(&train_args(&["--out", "stepping", "--set", "policy.prior=stepping"])).succeeded();
+    fs::copy(folder.join("stepping/policy.safetensors"), folder.join("sine/policy.safetensors")).unwrap();
+    let start = "sine/policy.safetensors: this policy cannot be used: ";
+    let message = format!("{start}it was trained for the gait \"stepping\", not for \"sine\"");
+    assert_refused_in(&folder, &["eval", "sine"], &message);
+
+    // The same run with a robot of another name: a copy of Doggo's files.
+    let puppy = copy_of_doggo(|text| text.replacen("name = \"doggo\"", "name = \"puppy\"", 1), |text| text);
+    let robot = format!("robot = \"{}\"", puppy.join("robot/robot.toml").display());
+    let config = fs::read_to_string(folder.join("stepping/config.toml")).unwrap();
+    fs::write(folder.join("stepping/config.toml"), config.replace("robot = \"doggo\"", &robot)).unwrap();
+    let message = "stepping/policy.safetensors: this policy cannot be used: it was trained for the robot \"doggo\", not for \
+                   \"puppy\"";
+    assert_refused_in(&folder, &["eval", "stepping"], message);
+
+    fs::write(folder.join("sine/policy.safetensors"), b"damaged").unwrap();
+    let complaint = folder.canter(&["eval", "sine"]).failed_with(1);
+    assert!(complaint.starts_with(&format!("error: {start}this is no safetensors file: ")), "{complaint}");
+}
+
+#[test]
+fn evaluations_that_cannot_be() {
+    let message = "--set policy.prior=\"gallop\": policy.prior = \"gallop\" is refused: doggo has no gait called `gallop`: there \
+                   are `stepping`, `sine`, `sine-literal`";
+    assert_refused(&["eval", "--robot", "doggo", "--prior", "gallop"], message);
+    for (option, value, message) in [
+        ("--episodes", "0", "evaluation.num_episodes = 0 is out of range: expected an integer from 2 to 10000"),
+        ("--slope", "-90", "task.slope_deg = -90.0 is out of range: expected a number from -45 to 45"),
+        ("--friction", "-1", "task.friction = -1.0 is out of range: expected a number from 0 to 10"),
+    ] {
+        let (key_and_value, _) = message.split_once(" is out").unwrap();
+        let message = format!("--set {}: {message}", key_and_value.replace(" = ", "="));
+        assert_refused(&["eval", "--robot", "doggo", "--prior", "sine", option, value], &message);
+    }
+}
+
+#[test]
+fn a_folder_that_is_not_empty_is_not_touched() {
+    let folder = TemporaryFolder::new();
+    fs::create_dir(folder.join("run")).unwrap();
+    fs::write(folder.join("run/precious.txt"), "mine").unwrap();
+    let message = "run: this folder is not empty; choose another with --out, or go on with `canter resume run`";
+    assert_refused_in(&folder, &train_args(&["--out", "run"]), message);
+    assert_eq!(names(&folder.join("run")), ["precious.txt"]);
+    let message = "run/precious.txt/run: Not a directory (os error 20)";
+    assert_refused_in(&folder, &train_args(&["--out", "run/precious.txt/run"]), message);
+    assert_eq!(fs::read_to_string(folder.join("run/precious.txt")).unwrap(), "mine");
+}

@@ -22,6 +22,12 @@ fn main() -> ExitCode {
         Command::Robots(args) => commands::robots::robots(&args),
         Command::Config(args) => commands::config::config(&args),
     };
+    // MuJoCo's warnings are ours to pass on.
+    let mut messages = canter_sim::mujoco::take_messages();
+    messages.dedup();
+    for message in messages {
+        output::complain(&format!("MuJoCo: {message}"));
+    }
     match result {
         Ok(code) => code,
         Err(error) => {

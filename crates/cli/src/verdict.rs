@@ -15,6 +15,14 @@ pub fn describe(verdict: &Verdict) -> String {
             verdict.prior_name
         ));
     }
+    if let (Some(ratio), Some(displaced)) = (verdict.speed_ratio, verdict.displacement_speed_ratio)
+        && verdict.policy.is_some()
+        && displaced < 0.98 * ratio
+    {
+        lines.push(format!(
+            "Counting displacement in any direction, which does not charge it for turning: {displaced:.2} times."
+        ));
+    }
     lines.push(String::new());
     lines.push(format!(
         "{:<24}{:>9}{:>9}{:>9}{:>9}{:>9}{:>9}{:>11}{:>7}",

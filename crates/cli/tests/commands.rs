@@ -40,7 +40,7 @@ fn a_training_ends_with_a_verdict_and_its_files() {
     let run = folder.join("run");
     let files = ["checkpoints", "config.toml", "eval.json", "lock", "metrics.jsonl", "policy.safetensors", "run.json"];
     assert_eq!(names(&run), files);
-    assert_eq!(names(&run.join("checkpoints")), ["00000004.safetensors"]);
+    assert_eq!(names(&run.join("checkpoints")), ["00000000.safetensors", "00000004.safetensors"]);
     let metrics = fs::read_to_string(run.join("metrics.jsonl")).unwrap();
     let env_steps: Vec<_> = metrics.lines().map(|line| json(line)["env_steps"].as_u64().unwrap()).collect();
     assert_eq!(env_steps, [128, 256, 384, 512]);

@@ -59,7 +59,10 @@ fn wrong_values() {
             "policy.prior = \"gallop\" is refused: doggo has no gait called `gallop`: there are `stepping`, `sine`, \
              `sine-literal`",
         ),
-        ("evaluation.settle_s=10", "evaluation.settle_s = 10 is refused: must be less than evaluation.episode_s"),
+        (
+            "evaluation.settle_s=10",
+            "evaluation.settle_s = 10 is refused: must leave 1 s of evaluation.episode_s to measure",
+        ),
     ] {
         let expected = format!("--set {value}: {message}");
         assert_refused(&["train", "--set", value, "--out", "run"], &expected);

@@ -179,10 +179,10 @@ impl ActionLaw {
     }
 }
 
-/// Component `i` of the action, within [-1, 1]; 0, the prior, where the action is too short.
+/// Component `i` of the action, within [-1, 1]; 0, the prior, where there is none or it is not a number.
 #[inline]
 pub(crate) fn component(action: &[f32], i: usize) -> f32 {
-    action.get(i).map_or(0.0, |value| value.clamp(-1.0, 1.0))
+    action.get(i).filter(|value| !value.is_nan()).map_or(0.0, |value| value.clamp(-1.0, 1.0))
 }
 
 #[cfg(test)]

@@ -29,6 +29,8 @@ pub struct Policy<'a> {
 impl Policy<'_> {
     /// The action for an observation, which is normalised in place.
     ///
+    /// Where a sensor gives no number the action is 0, the prior, so that one bad reading is forgotten with its step.
+    ///
     /// # Shapes
     /// - `observation`: `(O)`
     /// - `hidden`: `(2 H)`, see [`Network::workspace_len`]
@@ -37,6 +39,9 @@ impl Policy<'_> {
     pub fn act(&self, observation: &mut [f32], hidden: &mut [f32], action: &mut [f32]) {
         self.normaliser.apply(observation);
         self.network.forward(observation, hidden, action);
+        for component in action.iter_mut().filter(|component| component.is_nan()) {
+            *component = 0.0;
+        }
     }
 }
 
@@ -249,6 +254,39 @@ mod tests {
         // swing = 0.5 tanh(0.5) + 0.5 * 0.4 = 0.4310586 at a quarter of the cycle, and its negative half a cycle later
         assert!((targets[0] - 0.431_058_6).abs() < 1e-6 && (targets[2] + 0.431_058_6).abs() < 1e-6);
         assert!((clock.phase() - 0.27).abs() < 1e-6);
+    }
+
+    #[test]
+    fn a_bad_reading_is_forgotten_with_its_step() {
+        let (legs, parts) = ([leg(); 2], legs_gait());
+        let blocks = [ObservationBlock::MotorAngles, ObservationBlock::PreviousAction];
+        let controller = controller(&legs, &parts, Modulation::Amplitude, 0.5, &blocks);
+        let shape = NetworkShape { input: 6, hidden: 4, output: 2 };
+        let parameters: [f32; 58] = core::array::from_fn(|i| (i % 7) as f32 * 0.1 - 0.3);
+        let policy = Policy {
+            normaliser: Normaliser { mean: &[0.0; 6], inverse_std: &[1.0; 6] },
+            network: Network::new(shape, &parameters).unwrap(),
+        };
+        let (mut observation, mut hidden, mut action, mut targets) = ([0.0; 6], [0.0; 8], [0.3; 2], [0.0; 4]);
+        let mut clock = PhaseClock::at(0.2);
+        let mut step = |angle: f32, action: &mut [f32], targets: &mut [f32]| {
+            let angles = [angle, 0.2, 0.3, 0.4];
+            let sensors = Sensors {
+                motor_angles: &angles,
+                motor_velocities: &[0.0; 4],
+                orientation: [0.0; 3],
+                angular_velocity_in_body: [0.0; 3],
+            };
+            let mut workspace = Workspace { observation: &mut observation, hidden: &mut hidden, action };
+            controller.step(&policy, &sensors, &mut clock, 0.01, &mut workspace, targets);
+        };
+        step(f32::NAN, &mut action, &mut targets);
+        assert_eq!(action, [0.0; 2]);
+        let mut expected = [0.0; 4];
+        controller.act(&[0.0; 2], &mut PhaseClock::at(0.2), 0.01, &mut expected);
+        assert_eq!(targets, expected);
+        step(0.1, &mut action, &mut targets);
+        assert!(action.iter().all(|value| value.is_finite() && *value != 0.0));
     }
 
     #[test]

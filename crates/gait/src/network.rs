@@ -94,7 +94,7 @@ impl<'a> Network<'a> {
     /// h1 = tanh(W1' x + b1),  h2 = tanh(W2' h1 + b2),  mean = tanh(W3' h2 + b3)
     /// ```
     ///
-    /// Slices of other lengths than these leave the missing outputs untouched; nothing panics.
+    /// Slices of other lengths than these give outputs without meaning; nothing panics.
     ///
     /// # Shapes
     /// - `input`: `(O)`, normalised observation
@@ -130,7 +130,7 @@ impl<'a> Network<'a> {
             affine_block::<1>(weights, biases, layer.outputs, done, input, output);
             done += 1;
         }
-        for value in output.iter_mut() {
+        for value in output.iter_mut().take(layer.outputs) {
             *value = tanh(*value);
         }
     }

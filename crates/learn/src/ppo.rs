@@ -68,6 +68,8 @@ pub enum DivergedQuantity {
     Loss,
     /// The gradient's norm.
     Gradient,
+    /// A parameter after the step.
+    Parameter,
 }
 
 impl std::fmt::Display for DivergedQuantity {
@@ -75,6 +77,7 @@ impl std::fmt::Display for DivergedQuantity {
         formatter.write_str(match self {
             Self::Loss => "loss",
             Self::Gradient => "gradient",
+            Self::Parameter => "parameter vector",
         })
     }
 }
@@ -195,6 +198,9 @@ fn run_epochs(
                 adam.learning_rate = adapted_learning_rate(adam.learning_rate, approx_kl, target_kl);
             }
             adam.step(parameters, &workspace.gradient);
+            if !parameters.iter().all(|parameter| parameter.is_finite()) {
+                return Err(diverged(DivergedQuantity::Parameter));
+            }
             totals.add(&sums, gradient_norm);
         }
     }

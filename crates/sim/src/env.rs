@@ -9,6 +9,7 @@ use crate::accident::{Accident, StuckTimer};
 use crate::frame::{self, Matrix3};
 use crate::mujoco::Simulation;
 use crate::reward::{Motion, RewardTerms, accident_penalty, mechanical_work_j};
+use crate::robot::Robot;
 use crate::task::Task;
 
 /// What one env step brought.
@@ -127,6 +128,9 @@ impl Env {
         let [roll, pitch, yaw] = [noise(uniform), noise(uniform), noise(uniform)];
         let ground_from_body = frame::from_euler(roll, pitch, yaw);
         let robot = &self.task.robot;
+        let (root, _) = robot.root;
+        // Distances count from the start, wherever the model's file has put the robot.
+        self.simulation.qpos_mut()[root..root + 2].fill(0.0);
         let mut lowest_foot_m = f64::INFINITY;
         for (i, leg) in robot.legs.iter().enumerate() {
             let position =
@@ -138,7 +142,6 @@ impl Env {
             }
             place_leg(&mut self.simulation, robot, i, position);
         }
-        let (root, _) = robot.root;
         let quaternion = frame::quaternion(&ground_from_body);
         self.simulation.qpos_mut()[root + 3..root + 7].copy_from_slice(&quaternion);
         self.simulation.update_positions();
@@ -185,7 +188,7 @@ impl Env {
     /// Simulates one control step under the command whose time has come.
     fn advance(&mut self, squared_action_change: f64, observation: &mut [f32]) -> StepOutcome {
         let before = self.position_in_ground();
-        let work_j = self.simulate();
+        let mut work_j = self.simulate();
         self.env_steps += 1;
         self.observe(observation);
 
@@ -197,8 +200,9 @@ impl Env {
             work_j,
             squared_action_change,
         };
-        // A state that makes no sense has no reward that does.
+        // A state that makes no sense has neither work nor reward that does.
         let terms = if unstable {
+            work_j = 0.0;
             RewardTerms::default()
         } else {
             RewardTerms::new(&self.task.reward, &self.task.scale, &motion)
@@ -260,13 +264,22 @@ impl Env {
         let gravity_from_ground = frame::from_euler(0.0, -self.task.settings.slope_deg.to_radians(), 0.0);
         let gravity_from_body = frame::multiply(&gravity_from_ground, &self.ground_from_body());
         self.sensed.orientation = frame::to_euler(&gravity_from_body).map(|angle| angle as f32);
-        let sensors = Sensors {
+        self.task.controller().observe(&self.sensors(), &self.clock, &self.previous_action, observation);
+    }
+
+    /// What the sensors say now.
+    pub fn sensors(&self) -> Sensors<'_> {
+        Sensors {
             motor_angles: &self.sensed.motor_angles,
             motor_velocities: &self.sensed.motor_velocities,
             orientation: self.sensed.orientation,
             angular_velocity_in_body: self.sensed.angular_velocity_in_body,
-        };
-        self.task.controller().observe(&sensors, &self.clock, &self.previous_action, observation);
+        }
+    }
+
+    /// The command that was given last, `(M)` [rad]; it takes effect after the command delay.
+    pub fn last_command(&self) -> &[f32] {
+        self.commands.back().map_or(&[], Vec::as_slice)
     }
 
     /// Which accident has happened, if any; keeps the time that legs have been stuck.
@@ -362,7 +375,7 @@ impl Env {
 }
 
 /// Puts a leg's joints where its position in leg space has them, the loop closed.
-fn place_leg(simulation: &mut Simulation, robot: &crate::robot::Robot, index: usize, position: LegPosition) {
+pub(crate) fn place_leg(simulation: &mut Simulation, robot: &Robot, index: usize, position: LegPosition) {
     let (leg, address) = (&robot.legs[index], &robot.leg_addresses[index]);
     let reference = robot.model.reference_position();
     let angles = leg.motors.apply(position);

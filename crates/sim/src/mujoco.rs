@@ -5,8 +5,8 @@ use std::sync::{Mutex, Once, PoisonError};
 
 use mujoco_rs::mujoco_c::{mjtState, mjtWarning};
 use mujoco_rs::wrappers::mj_data::MjData;
-use mujoco_rs::wrappers::mj_logging::MjLogMessage;
-use mujoco_rs::wrappers::mj_model::{MjModel, MjtJoint, MjtObjBase};
+use mujoco_rs::wrappers::mj_logging::{MjLogMessage, MjtLogLevel};
+use mujoco_rs::wrappers::mj_model::{MjModel, MjtGeomBase, MjtJoint, MjtObjBase};
 
 /// What identifies an object of the model by its name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -32,13 +32,17 @@ impl ObjectKind {
     }
 }
 
-/// What MuJoCo said since the last model was loaded; it would otherwise write a log file into the working directory.
+/// MuJoCo's warnings and errors that nobody has taken yet; it would otherwise write a log file into the working directory.
 static MESSAGES: Mutex<Vec<String>> = Mutex::new(Vec::new());
 
 /// At most this many of MuJoCo's messages are kept.
 const MAX_MESSAGES: usize = 100;
 
 fn keep_message(message: &MjLogMessage) {
+    // MuJoCo also tells how long it compiled.
+    if !matches!(message.level(), MjtLogLevel::mjLOG_WARNING | MjtLogLevel::mjLOG_ERROR) {
+        return;
+    }
     let mut messages = MESSAGES.lock().unwrap_or_else(PoisonError::into_inner);
     if messages.len() < MAX_MESSAGES {
         messages.push(message.subject().to_owned());
@@ -97,16 +101,6 @@ impl Model {
         self.0.opt().gravity.iter().map(|component| component * component).sum::<f64>().sqrt()
     }
 
-    /// Number of actuators, nu.
-    pub fn num_actuators(&self) -> usize {
-        self.0.ffi().nu as usize
-    }
-
-    /// Number of degrees of freedom, nv.
-    pub fn num_dofs(&self) -> usize {
-        self.0.ffi().nv as usize
-    }
-
     /// Where the joint's position and velocity stand in `qpos` and `qvel`.
     pub fn joint_addresses(&self, joint: usize) -> (usize, usize) {
         (self.0.jnt_qposadr()[joint] as usize, self.0.jnt_dofadr()[joint] as usize)
@@ -123,9 +117,32 @@ impl Model {
         self.0.qpos0()
     }
 
-    /// Radius of a sphere geom [m], its largest half extent otherwise.
+    /// Radius of a sphere geom [m].
     pub fn geom_radius_m(&self, geom: usize) -> f64 {
-        self.0.geom_size()[geom].iter().copied().fold(0.0, f64::max)
+        self.0.geom_size()[geom][0]
+    }
+
+    /// Whether the joint is a hinge.
+    pub fn is_hinge(&self, joint: usize) -> bool {
+        self.0.jnt_type()[joint] == MjtJoint::mjJNT_HINGE
+    }
+
+    /// Whether the geom is a sphere.
+    pub fn is_sphere(&self, geom: usize) -> bool {
+        self.0.geom_type()[geom] == MjtGeomBase::mjGEOM_SPHERE
+    }
+
+    /// Whether the geom is the plane z = 0 of the world.
+    pub fn is_level_ground(&self, geom: usize) -> bool {
+        let is_plane = self.0.geom_type()[geom] == MjtGeomBase::mjGEOM_PLANE;
+        let [w, x, y, _] = self.0.geom_quat()[geom];
+        let is_level = x.abs() < 1e-9 && y.abs() < 1e-9 && w.is_finite();
+        is_plane && is_level && self.0.geom_bodyid()[geom] == 0 && self.0.geom_pos()[geom][2].abs() < 1e-9
+    }
+
+    /// Makes MuJoCo obey [`Simulation::set_torque_range`] for a joint, whatever the model's file says.
+    pub fn limit_torque(&mut self, joint: usize) {
+        self.0.jnt_actfrclimited_mut()[joint] = true;
     }
 
     /// Sets the time step of [`Simulation::step`] [s].
@@ -221,11 +238,6 @@ impl Simulation {
         self.data.qvel()
     }
 
-    /// The generalised velocities, `(nv)` [m/s, rad/s].
-    pub fn qvel_mut(&mut self) -> &mut [f64] {
-        self.data.qvel_mut()
-    }
-
     /// The actuator targets, `(nu)`.
     pub fn ctrl_mut(&mut self) -> &mut [f64] {
         self.data.ctrl_mut()
@@ -258,11 +270,20 @@ impl Simulation {
         self.data.time()
     }
 
-    /// Whether MuJoCo has met a number it could not go on with since the last reset.
+    /// How far the model's loops are from closed: the largest error of an equality constraint [m, rad].
+    pub fn loop_gap(&mut self) -> f64 {
+        self.data.forward();
+        let num_equalities = self.data.ne() as usize;
+        self.data.efc_pos().iter().take(num_equalities).fold(0.0, |largest, gap| largest.max(gap.abs()))
+    }
+
+    /// Whether MuJoCo has met a number it could not go on with, or has dropped contacts, since the last reset.
     ///
-    /// MuJoCo then resets the state silently and goes on.
+    /// MuJoCo then resets the state silently, or leaves constraints out, and goes on.
     pub fn is_unstable(&self) -> bool {
-        const UNSTABLE: [mjtWarning; 4] = [
+        const UNSTABLE: [mjtWarning; 6] = [
+            mjtWarning::mjWARN_CONTACTFULL,
+            mjtWarning::mjWARN_CNSTRFULL,
             mjtWarning::mjWARN_BADQPOS,
             mjtWarning::mjWARN_BADQVEL,
             mjtWarning::mjWARN_BADQACC,

@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use canter_gait::action::MAX_AMPLITUDE_RAD;
 use canter_gait::observation::observation_len;
 use canter_gait::prior::LegGait;
 use canter_gait::{ActionLaw, Controller, Gait, Modulation, ObservationBlock, ParameterRanges, Range};
@@ -201,7 +202,23 @@ impl Task {
             );
             problems.at("policy.prior", message);
         }
-        let ranges = parameter_ranges(&policy.ranges, gait.map_or(&[][..], |gait| &gait.legs), &mut problems);
+        let legs = gait.map_or(&[][..], |gait| &gait.legs);
+        if matches!(policy.modulation, ModulationChoice::Amplitude | ModulationChoice::LegAmplitude)
+            && let Some(amplitude) = legs.iter().map(largest_amplitude).find(|&amplitude| amplitude > MAX_AMPLITUDE_RAD)
+        {
+            let message = format!("its amplitude of {amplitude} rad is above eq. 5's limit of 1 rad; use `modulate`");
+            problems.at("policy.prior", message);
+        }
+        // Only `modulate` uses the box, so only then must the prior lie in it.
+        let boxed = if policy.modulation == ModulationChoice::Modulate { legs } else { &[] };
+        let ranges = parameter_ranges(&policy.ranges, boxed, &mut problems);
+        if let (Some(gait), Some(ranges)) = (gait, &ranges) {
+            let fastest_hz = f64::from(gait.stride_frequency_hz * ranges.frequency_factor.high.max(1.0));
+            if fastest_hz * settings.control_dt_s > 0.5 {
+                let message = format!("{fastest_hz} Hz is more than half the control frequency");
+                problems.at("policy.ranges.frequency_factor", message);
+            }
+        }
         problems.finish(())?;
         let (Some(gait), Some(ranges)) = (gait, ranges) else {
             unreachable!("a missing gait or range is a problem");
@@ -254,6 +271,11 @@ impl Task {
     pub fn num_actions(&self) -> usize {
         self.law.modulation.num_actions(self.legs.len())
     }
+}
+
+/// The larger of a leg's two amplitudes [rad].
+fn largest_amplitude(leg: &LegGait) -> f32 {
+    leg.defaults.swing_amplitude.max(leg.defaults.extension_amplitude)
 }
 
 /// The box of parameters; every leg's defaults must lie in it, so that an untrained policy can be the prior.

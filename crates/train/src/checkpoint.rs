@@ -97,6 +97,7 @@ impl Checkpoint {
     /// Bytes that are no checkpoint of this version.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, CheckpointError> {
         let file = TensorFile::from_bytes(bytes)?;
+        file.check_finite()?;
         let card: Card = serde_json::from_str(file.metadata())?;
         if card.checkpoint_version != FORMAT_VERSION {
             let message =

@@ -4,6 +4,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use canter_learn::policy::ActorCritic;
+use canter_learn::ppo::{MAX_LEARNING_RATE, MIN_LEARNING_RATE};
 use canter_learn::settings::{Objective, PpoSettings};
 use canter_sim::robot::is_robot_path;
 use canter_sim::settings::{Document, Problems, above};
@@ -13,7 +14,7 @@ use canter_sim::{choices, settings};
 settings! {
     /// Everything that decides a run's result, but for the version of canter.
     pub struct RunConfig {
-        /// The robot: the name of a built-in one (`canter robots`) or the path of a robot.toml.
+        /// The robot: the name of a built-in one (`canter robots`) or the path of a robot.toml, from this file's folder.
         pub robot: String,
         /// Seed of every random stream of the run.
         pub seed: u64,
@@ -60,9 +61,9 @@ settings! {
         /// Passes over one rollout.
         pub num_epochs: usize in 1..=100,
         /// Samples per gradient step.
-        pub minibatch_size: usize in 1..=1048576,
+        pub minibatch_size: usize in 1..=65536,
         /// Adam's step size at the start.
-        pub learning_rate: f64 in above(0.0),
+        pub learning_rate: f64 in 1e-9..=1.0,
         /// The learning rate follows this divergence between old and new policy; absent: it stays.
         pub target_kl: Option<f64> in above(0.0),
         /// Weight of the value loss.
@@ -216,14 +217,25 @@ pub struct Resolved {
 /// Everything that is wrong with the document at once; then, whatever is wrong with the robot.
 pub fn resolve(document: &Document) -> Result<Resolved, ConfigError> {
     let mut config = document.read_checked(|config: &RunConfig, problems| {
-        if config.evaluation.settle_s >= config.evaluation.episode_s {
-            problems.at("evaluation.settle_s", "must be less than evaluation.episode_s");
+        if config.evaluation.settle_s > config.evaluation.episode_s - MIN_COUNTED_S {
+            let message = format!("must leave {MIN_COUNTED_S} s of evaluation.episode_s to measure");
+            problems.at("evaluation.settle_s", message);
+        }
+        let rates = MIN_LEARNING_RATE..=MAX_LEARNING_RATE;
+        if config.ppo.target_kl.is_some() && !rates.contains(&config.ppo.learning_rate) {
+            let message = format!("with target_kl it stays between {MIN_LEARNING_RATE} and {MAX_LEARNING_RATE}");
+            problems.at("ppo.learning_rate", message);
         }
         if config.training.num_environments * config.training.horizon > MAX_ROLLOUT_SAMPLES {
             let message = format!("num_environments times horizon may be {MAX_ROLLOUT_SAMPLES} at most: one rollout");
             problems.at("training.horizon", message);
         }
     })?;
+    if is_robot_path(&config.robot)
+        && let Some(folder) = document.folder_of("robot")
+    {
+        config.robot = folder.join(&config.robot).display().to_string();
+    }
     let robot = Arc::new(Robot::load(&config.robot)?);
     if is_robot_path(&config.robot)
         && let Ok(path) = Path::new(&config.robot).canonicalize()
@@ -234,6 +246,9 @@ pub fn resolve(document: &Document) -> Result<Resolved, ConfigError> {
     let task = Task::new(robot, &config.task, &config.reward, &config.policy, document.problems())?;
     Ok(Resolved { config, task: Arc::new(task) })
 }
+
+/// Time that an evaluation has to measure at least, after settling [s].
+const MIN_COUNTED_S: f64 = 1.0;
 
 /// Samples of one rollout that fit into memory with room to spare: 4 Mi samples of 100 numbers are 1.6 GB.
 const MAX_ROLLOUT_SAMPLES: usize = 1 << 22;

@@ -125,7 +125,7 @@ pub fn run_episodes(
         (0..settings.num_episodes)
             .into_par_iter()
             .with_max_len(1)
-            .map_init(|| new_env(task.clone()), |env, number| run_episode(env, mover, settings, number as u64))
+            .map(|number| run_episode(&mut new_env(task.clone()), mover, settings, number as u64))
             .collect()
     })
 }
@@ -142,12 +142,13 @@ fn run_episode(env: &mut Env, mover: Mover<'_>, settings: &EvaluationSettings, n
     };
     env.reset(&mut || uniform(&mut rng), &mut observation);
     let start_heading = env.heading_rad();
+    let (mut end, mut end_heading) = (env.position_in_ground(), start_heading);
     let settle_steps = (settings.settle_s / task.settings.control_dt_s).round() as u32;
     let mut settled = None;
     let (mut heights, mut work_j, mut episode_return) = (Vec::new(), 0.0, 0.0);
     let accident = loop {
         if env.env_steps() == settle_steps {
-            settled = Some(env.position_in_ground());
+            settled = Some(end);
         }
         let outcome: StepOutcome = match mover {
             Mover::Prior => env.step_prior(&mut observation),
@@ -158,21 +159,23 @@ fn run_episode(env: &mut Env, mover: Mover<'_>, settings: &EvaluationSettings, n
             }
         };
         episode_return += outcome.reward;
-        if settled.is_some() {
-            work_j += outcome.work_j;
-            heights.push(env.position_in_ground()[2]);
+        // After an unstable step no position means anything: the episode ends where it was before.
+        if outcome.terminated != Some(Accident::Unstable) {
+            (end, end_heading) = (env.position_in_ground(), env.heading_rad());
+            if settled.is_some() {
+                work_j += outcome.work_j;
+                heights.push(end[2]);
+            }
         }
         if outcome.terminated.is_some() || outcome.truncated {
             break outcome.terminated;
         }
     };
-    let end = env.position_in_ground();
-    // After an unstable state no position means anything; before the settling time none counts.
-    let is_counted = accident != Some(Accident::Unstable);
-    let settled = settled.filter(|_| is_counted).unwrap_or(end);
-    let counted_s = settings.episode_s - settings.settle_s;
+    // A fall before the settling time leaves no way that counts.
+    let settled = settled.unwrap_or(end);
+    let counted_s = f64::from(task.max_env_steps - settle_steps) * task.settings.control_dt_s;
     let walked_s = (heights.len() as f64 * task.settings.control_dt_s).max(task.settings.control_dt_s);
-    let turn = env.heading_rad() - start_heading;
+    let turn = end_heading - start_heading;
     Episode {
         speed_m_per_s: forward_speed(settled[0], end[0], counted_s),
         displacement_speed_m_per_s: (end[0] - settled[0]).hypot(end[1] - settled[1]) / counted_s,
@@ -250,6 +253,8 @@ pub struct Verdict {
     pub speed_ratio: Option<f64>,
     /// Its 95 % interval.
     pub speed_ratio_ci: Option<[f64; 2]>,
+    /// The same by displacement instead of forward speed: what is left when the default gait is not charged for turning.
+    pub displacement_speed_ratio: Option<f64>,
     /// Learned speed over that of its own prior.
     pub prior_speed_ratio: Option<f64>,
     /// Its 95 % interval.
@@ -301,6 +306,7 @@ pub fn judge(
     let policy = policy.map(|policy| evaluate(task, Mover::Policy(policy), settings, workers));
     let judged = policy.as_ref().unwrap_or(&prior);
     let against_default = speed_ratio(judged, &default_report);
+    let default_displaced = default_gaits.values().map(|gait| gait.displacement_speed_m_per_s).fold(0.0, f64::max);
     let against_prior = policy.as_ref().and_then(|policy| speed_ratio(policy, &prior));
     Verdict {
         protocol: ProtocolCard {
@@ -318,6 +324,8 @@ pub fn judge(
         default_gaits,
         speed_ratio: against_default.map(|(ratio, _)| ratio),
         speed_ratio_ci: against_default.map(|(_, interval)| interval),
+        displacement_speed_ratio: (default_displaced > 0.0)
+            .then(|| judged.displacement_speed_m_per_s / default_displaced),
         prior_speed_ratio: against_prior.map(|(ratio, _)| ratio),
         prior_speed_ratio_ci: against_prior.map(|(_, interval)| interval),
         policy,

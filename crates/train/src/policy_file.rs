@@ -152,7 +152,7 @@ pub enum PolicyError {
         /// In the task.
         expected: String,
     },
-    /// The network does not give what the file says that it gives.
+    /// The network does not give, bit for bit, what the file says that it gives.
     #[error(
         "its network does not reproduce its own test vector: the file is damaged or was written by a faulty program"
     )]
@@ -235,10 +235,7 @@ impl PolicyFile {
         let inverse_std = file.get("normaliser.inverse_std", &[input])?;
         let policy = Self { card, shape, parameters, mean, inverse_std };
         let (observations, actions) = policy.test_vectors();
-        let same = |name: &str, shape: &[usize], own: &[f32]| {
-            // Another processor's libm may differ in the last place, this crate's own tanh does not.
-            file.get::<f32>(name, shape).map(|stored| stored.iter().zip(own).all(|(a, b)| (a - b).abs() <= 1e-6))
-        };
+        let same = |name: &str, shape: &[usize], own: &[f32]| file.get::<f32>(name, shape).map(|stored| stored == own);
         let inputs_agree = same("test.observation", &[NUM_TEST_VECTORS, input], &observations)?;
         let outputs_agree = same("test.action", &[NUM_TEST_VECTORS, output], &actions)?;
         if !inputs_agree || !outputs_agree {
@@ -275,6 +272,9 @@ impl PolicyFile {
                 return differs("the gait", &own.gait.name, &present);
             }
             return differs("another version of the gait", &own.gait.name, &"the robot's present one");
+        }
+        if own.robot.control_dt_s != other.robot.control_dt_s {
+            return differs("a time between commands of", &own.robot.control_dt_s, &other.robot.control_dt_s);
         }
         if own.robot.fingerprint != other.robot.fingerprint || own.robot != other.robot {
             return differs("another version of the robot's files,", &own.robot.fingerprint, &other.robot.fingerprint);

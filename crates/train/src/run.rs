@@ -43,6 +43,10 @@ pub fn train(
     stop: &AtomicBool,
     observe: &mut dyn FnMut(&IterationReport),
 ) -> Result<Ending, TrainError> {
+    if trainer.progress().iterations == 0 {
+        // So that a run which is killed early can go on.
+        directory.write_checkpoint(&Checkpoint::of(trainer))?;
+    }
     let interval = trainer.resolved().config.training.checkpoint_env_steps;
     let mut next_checkpoint = trainer.progress().env_steps + interval;
     while !trainer.is_finished() {

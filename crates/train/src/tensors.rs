@@ -124,6 +124,21 @@ impl TensorFile {
         Ok(values)
     }
 
+    /// Checks that no array of fractions holds infinities or NaN.
+    ///
+    /// # Errors
+    /// The first array that does.
+    pub fn check_finite(&self) -> Result<(), TensorError> {
+        for (name, array) in &self.arrays {
+            match array.dtype {
+                Dtype::F32 => self.get::<f32>(name, &array.shape).map(drop)?,
+                Dtype::F64 => self.get::<f64>(name, &array.shape).map(drop)?,
+                _ => {}
+            }
+        }
+        Ok(())
+    }
+
     /// Shape of the array of this name.
     pub fn shape(&self, name: &str) -> Option<&[usize]> {
         self.arrays.get(name).map(|array| &array.shape[..])

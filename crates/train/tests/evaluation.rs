@@ -91,7 +91,7 @@ fn episodes_that_fall_keep_the_full_time() {
         assert_eq!(*speed, way_m / 2.0, "episode {number}");
     }
     // A fall before the settling time has no speed.
-    let resolved = common::tiny(&[("policy.modulation", "direct"), ("evaluation.settle_s", "1.5")]);
+    let resolved = common::tiny(&[("policy.modulation", "direct"), ("evaluation.settle_s", "1.0")]);
     let fallen = report(&resolved, Mover::Constant(&lie_down));
     assert_eq!((fallen.falls, fallen.speeds_m_per_s), (3, vec![0.0; 3]));
 }

@@ -229,7 +229,7 @@ fn a_policy_is_refused_by_a_task_that_differs_in_what_matters_and_only_there() {
         ("policy.authority", "0.5", "the action law"),
         ("policy.ranges.swing_offset_rad", "[-0.1, 0.1]", "the action law"),
         ("policy.observation", "[\"motor_angles\"]", "the observation"),
-        ("task.control_dt_s", "0.02", "another version"),
+        ("task.control_dt_s", "0.02", "a time between commands"),
     ] {
         // `control_dt_s` belongs to the robot as the controller sees it.
         let message = refusal(&[(key, value)]).unwrap_err();

@@ -57,7 +57,7 @@ fn a_value_that_only_fits_alone_is_refused_with_its_place() {
     };
     assert_eq!(
         refusal(&[("evaluation.settle_s", "10.0")]),
-        "--set evaluation.settle_s=10.0: evaluation.settle_s = 10.0 is refused: must be less than evaluation.episode_s"
+        "--set evaluation.settle_s=10.0: evaluation.settle_s = 10.0 is refused: must leave 1 s of evaluation.episode_s to measure"
     );
     let message = refusal(&[("training.num_environments", "4096"), ("training.horizon", "2000")]);
     assert!(message.starts_with("--set training.horizon=2000: training.horizon = 2000 is refused: "), "{message}");

@@ -42,9 +42,12 @@ fn subject(args: &EvalArgs) -> Result<(Resolved, Option<PolicyFile>), CliError> 
     let mut document = open_preset(DEFAULT_PRESET)?;
     for (key, value) in [("robot", &args.robot), ("policy.prior", &args.prior)] {
         if let Some(value) = value {
-            document.set(key, &format!("{value:?}"));
+            document.set_string(key, value);
         }
     }
+    // Without a policy there is nothing to change: no range has to hold the gait's own numbers.
+    document.set("policy.modulation", "direct");
+    document.set("policy.authority", "1");
     Ok((resolve(&with_overrides(document, args))?, None))
 }
 

@@ -2,7 +2,7 @@
 
 use std::fs::File;
 use std::io::Read;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use toml::de::{DeTable, DeValue};
@@ -20,6 +20,8 @@ const MAX_FILE_BYTES: usize = 1 << 20;
 #[derive(Debug, Clone)]
 pub struct Document {
     tree: Arc<Tree>,
+    /// The file, if it was read from one.
+    path: Option<PathBuf>,
     /// What is wrong with the overrides; reported with what is wrong with the values.
     bad_overrides: Vec<Problem>,
 }
@@ -36,7 +38,7 @@ impl Document {
         let mut bytes = Vec::new();
         let result = File::open(path).and_then(|file| file.take(MAX_FILE_BYTES as u64 + 1).read_to_end(&mut bytes));
         match result {
-            Ok(_) => Self::parse(&name, &bytes),
+            Ok(_) => Ok(Self { path: Some(path.to_owned()), ..Self::parse(&name, &bytes)? }),
             Err(error) => Err(whole_file(&name, ProblemKind::Unreadable, error.to_string())),
         }
     }
@@ -68,7 +70,8 @@ impl Document {
             }
         };
         let file_problems = converter.problems;
-        let document = Self { tree: Arc::new(Tree { sources: vec![source], root }), bad_overrides: Vec::new() };
+        let document =
+            Self { tree: Arc::new(Tree { sources: vec![source], root }), path: None, bad_overrides: Vec::new() };
         let mut problems = document.problems();
         file_problems.into_iter().for_each(|problem| problems.push(problem));
         problems.finish(document)
@@ -104,6 +107,19 @@ impl Document {
         }
         self.bad_overrides.append(&mut converter.problems);
         tree.sources.push(source);
+    }
+
+    /// Replaces the value at the dotted path `key` by a string, whatever characters it has.
+    pub fn set_string(&mut self, key: &str, value: &str) {
+        self.set(key, &quote(value));
+    }
+
+    /// The folder that a relative path at `key` counts from: that of the file it was written in. None for a value of an
+    /// override or of a document that is no file: the working directory.
+    pub fn folder_of(&self, key: &str) -> Option<&Path> {
+        let (item, _) = self.tree.nearest(key);
+        let is_in_file = self.tree.place(item.value_start()).position.is_some();
+        self.path.as_deref().filter(|_| is_in_file)?.parent()
     }
 
     /// The settings in this document.

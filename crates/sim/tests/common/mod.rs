@@ -53,7 +53,10 @@ pub fn policy_settings(prior: &str, modulation: ModulationChoice) -> PolicySetti
 }
 
 pub fn doggo(settings: &TaskSettings, policy: &PolicySettings) -> Arc<Task> {
-    let robot = Arc::new(Robot::load("doggo").unwrap());
+    task(Robot::load("doggo").unwrap(), settings, policy)
+}
+
+pub fn task(robot: Robot, settings: &TaskSettings, policy: &PolicySettings) -> Arc<Task> {
     let problems = Document::parse("test", b"").unwrap().problems();
-    Arc::new(Task::new(robot, settings, &reward_settings(), policy, problems).unwrap())
+    Arc::new(Task::new(Arc::new(robot), settings, &reward_settings(), policy, problems).unwrap())
 }

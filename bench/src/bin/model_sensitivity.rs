@@ -4,7 +4,7 @@
 //! protocol. The tables that this prints stand in `docs/doggo-model.md`.
 //!
 //! ```sh
-//! cargo run --release -p canter-train --example model_sensitivity
+//! cargo run --release -p canter-bench --bin model_sensitivity
 //! ```
 
 use std::error::Error;

@@ -1,6 +1,6 @@
 //! Interquartile means over runs that differ in their seed only, from the `eval.json` that each has left.
 //!
-//! `cargo run --release -p canter-train --example over_seeds -- runs/doggo-*-1`
+//! `cargo run --release -p canter-bench --bin over_seeds -- runs/doggo-*-1`
 
 use std::error::Error;
 use std::fs;

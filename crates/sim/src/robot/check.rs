@@ -1,0 +1,212 @@
+//! Holds `robot.toml` and the compiled model against each other.
+
+use canter_gait::phase::QUADRUPED_GAITS;
+use canter_gait::prior::LegGait;
+use canter_gait::{FiveBar, Leg, LegGeometry, LegLimits, LegPosition, LinearMap};
+
+use super::settings::{Actuated, GaitSettings, LegSettings, RobotSettings};
+use super::{LegAddresses, NamedGait, Robot, RobotError};
+use crate::env::place_leg;
+use crate::mujoco::{Model, ObjectKind, Simulation};
+use crate::settings::{Document, Problems};
+
+/// Checks the settings against the model and resolves every name; reports all problems together.
+pub(super) fn assemble(
+    document: &Document,
+    settings: RobotSettings,
+    mut model: Model,
+    fingerprint: u64,
+) -> Result<Robot, RobotError> {
+    let mut problems = document.problems();
+    let mut find = |kind: ObjectKind, key: &str, name: &str| {
+        let id = model.id(kind, name);
+        if id.is_none() {
+            let kind = format!("{kind:?}").to_lowercase();
+            problems.at(key, format!("the model has no {kind} called `{name}`"));
+        }
+        id
+    };
+    let body = find(ObjectKind::Body, "body", &settings.body);
+    let floor = find(ObjectKind::Geom, "floor", &settings.floor);
+    let mut leg_addresses = Vec::new();
+    for (i, LegSettings::FiveBar(leg)) in settings.legs.iter().enumerate() {
+        let foot = find(ObjectKind::Geom, &format!("legs[{i}].foot"), &leg.foot);
+        let mut pair = |kind, key: &str, names: &[String]| {
+            let ids: Vec<_> =
+                names.iter().enumerate().map(|(j, name)| find(kind, &format!("legs[{i}].{key}[{j}]"), name)).collect();
+            // A list of another length is reported below.
+            <[Option<usize>; 2]>::try_from(ids).ok().and_then(|[first, second]| Some([first?, second?]))
+        };
+        let motors = pair(ObjectKind::Joint, "motors", &leg.motors);
+        let knees = pair(ObjectKind::Joint, "knees", &leg.knees);
+        let actuators = pair(ObjectKind::Actuator, "actuators", &leg.actuators);
+        if let (Some(foot), Some(motor_joints), Some(knee_joints), Some(actuators)) = (foot, motors, knees, actuators) {
+            leg_addresses.push(LegAddresses {
+                foot,
+                motor_joints,
+                motors: motor_joints.map(|joint| model.joint_addresses(joint)),
+                knee_joints,
+                knees: knee_joints.map(|joint| model.joint_addresses(joint).0),
+                actuators,
+            });
+        }
+    }
+    check_kinds(&model, floor, &leg_addresses, &mut problems);
+    for address in &leg_addresses {
+        for joint in address.motor_joints {
+            model.limit_torque(joint);
+        }
+    }
+    let root = body.and_then(|body| model.free_joint(body)).map(|joint| model.joint_addresses(joint));
+    if body.is_some() && root.is_none() {
+        problems.at("body", "this body has no free joint: it cannot walk away");
+    }
+    for (key, range) in [("swing_rad", &settings.limits.swing_rad), ("extension_rad", &settings.limits.extension_rad)] {
+        if !matches!(range[..], [low, high] if low < 0.0 && 0.0 < high) {
+            let message = "expected a least and a greatest value around 0, the standing pose";
+            problems.at(&format!("limits.{key}"), message);
+        }
+    }
+    if settings.legs.len() != 4 {
+        problems.at("legs", format!("expected 4 legs, found {}", settings.legs.len()));
+    }
+    let legs = settings
+        .legs
+        .iter()
+        .enumerate()
+        .filter_map(|(i, leg)| controller_leg(i, leg, &settings, &mut problems))
+        .collect::<Vec<_>>();
+    let mut gaits = Vec::new();
+    if legs.len() == 4 {
+        for (i, gait) in settings.gaits.iter().enumerate() {
+            if gaits.iter().any(|earlier: &NamedGait| earlier.name == gait.name()) {
+                problems.at(&format!("gaits[{i}].name"), "another gait has this name");
+            }
+            gaits.extend(named_gait(i, gait, &legs, &mut problems));
+        }
+    }
+    let Some(root) = root.filter(|_| problems.is_empty()) else {
+        return Err(problems.into());
+    };
+    let robot = Robot { settings, model, legs, gaits, fingerprint, leg_addresses, root };
+    check_kinematics(&robot, &mut problems);
+    Ok(problems.finish(robot)?)
+}
+
+/// Checks that joints are hinges, feet spheres, the floor level, and that no leg uses another's parts.
+fn check_kinds(model: &Model, floor: Option<usize>, legs: &[LegAddresses], problems: &mut Problems) {
+    if floor.is_some_and(|floor| !model.is_level_ground(floor)) {
+        problems.at("floor", "expected a plane at z = 0 of the world; slopes are a setting of the task");
+    }
+    let (mut joints, mut actuators) = (Vec::new(), Vec::new());
+    for (i, leg) in legs.iter().enumerate() {
+        if !model.is_sphere(leg.foot) {
+            problems.at(&format!("legs[{i}].foot"), "expected a sphere, whose centre is the foot");
+        }
+        for (key, pair) in [("motors", leg.motor_joints), ("knees", leg.knee_joints)] {
+            for (j, joint) in pair.into_iter().enumerate() {
+                let place = format!("legs[{i}].{key}[{j}]");
+                if !model.is_hinge(joint) {
+                    problems.at(&place, "expected a hinge");
+                }
+                if joints.contains(&joint) {
+                    problems.at(&place, "this joint is named already");
+                }
+                joints.push(joint);
+            }
+        }
+        for (j, actuator) in leg.actuators.into_iter().enumerate() {
+            if actuators.contains(&actuator) {
+                problems.at(&format!("legs[{i}].actuators[{j}]"), "this actuator is named already");
+            }
+            actuators.push(actuator);
+        }
+    }
+}
+
+/// Leg positions at which the model is held to the kinematics [rad].
+const PROBES: [(f32, f32); 4] = [(0.0, 0.0), (0.3, 0.0), (0.0, 0.2), (-0.2, -0.2)];
+
+/// How far foot and loops may be from where the kinematics have them [m].
+const KINEMATICS_TOLERANCE_M: f64 = 1e-3;
+
+/// Checks that the model's feet are where the link lengths put them, and that its loops are closed there.
+fn check_kinematics(robot: &Robot, problems: &mut Problems) {
+    let mut simulation = Simulation::new(&robot.model);
+    for (i, (leg, address)) in robot.legs.iter().zip(&robot.leg_addresses).enumerate() {
+        let mut feet = Vec::new();
+        let mut gap = 0.0_f64;
+        for (swing, extension) in PROBES {
+            let position = leg.limits.clamp(LegPosition { swing, extension });
+            place_leg(&mut simulation, robot, i, position);
+            gap = gap.max(simulation.loop_gap());
+            let foot = simulation.geom_positions_in_world()[address.foot];
+            let expected = leg.geometry.forward(position);
+            feet.push((foot, expected));
+        }
+        place_leg(&mut simulation, robot, i, LegPosition::default());
+        let (standing, standing_expected) = feet[0];
+        let far = feet.iter().any(|(foot, expected)| {
+            let forward = f64::from(expected.forward_m - standing_expected.forward_m);
+            let down = f64::from(expected.down_m - standing_expected.down_m);
+            let error = (foot[0] - standing[0] - forward).hypot(foot[2] - standing[2] + down);
+            error > KINEMATICS_TOLERANCE_M
+        });
+        let key = format!("legs[{i}].upper_link_m");
+        if far {
+            problems.at(&key, "the model's foot does not move as link lengths, stance height and motors say");
+        } else if gap > KINEMATICS_TOLERANCE_M {
+            problems.at(&key, "the model's loop does not close where link lengths, stance height and knees say");
+        }
+    }
+}
+
+/// The leg as the controller sees it.
+fn controller_leg(
+    index: usize,
+    LegSettings::FiveBar(leg): &LegSettings,
+    settings: &RobotSettings,
+    problems: &mut Problems,
+) -> Option<Leg> {
+    for (key, names) in [("motors", &leg.motors), ("knees", &leg.knees), ("actuators", &leg.actuators)] {
+        if names.len() != 2 {
+            problems.at(&format!("legs[{index}].{key}"), format!("expected 2 names, found {}", names.len()));
+        }
+    }
+    let five_bar = FiveBar::new(leg.upper_link_m as f32, leg.lower_link_m as f32, settings.stance_height_m as f32);
+    if five_bar.is_none() {
+        let message = format!("links of these lengths cannot stand at stance_height_m = {}", settings.stance_height_m);
+        problems.at(&format!("legs[{index}].upper_link_m"), message);
+    }
+    let limits = &settings.limits;
+    let pair = |values: &[f64]| Some([*values.first()? as f32, *values.get(1)? as f32]);
+    Some(Leg {
+        geometry: LegGeometry::FiveBar(five_bar?),
+        motors: LinearMap::five_bar_motors(),
+        actuators: match leg.actuated {
+            Actuated::LegSpace => LinearMap::identity(),
+            Actuated::Motors => LinearMap::five_bar_motors(),
+        },
+        limits: LegLimits { swing: pair(&limits.swing_rad)?, extension: pair(&limits.extension_rad)? },
+    })
+}
+
+/// The gait for these legs.
+fn named_gait(index: usize, gait: &GaitSettings, legs: &[Leg], problems: &mut Problems) -> Option<NamedGait> {
+    let footfall = gait.footfall().name();
+    let (_, offsets) = QUADRUPED_GAITS.iter().find(|(name, _)| *name == footfall)?;
+    let mut parts = Vec::new();
+    for (leg, &phase_offset) in legs.iter().zip(offsets) {
+        let Some((waveform, defaults)) = gait.waveform(leg.geometry) else {
+            problems.at(&format!("gaits[{index}]"), "a leg cannot reach every point of this trajectory");
+            return None;
+        };
+        parts.push(LegGait { waveform, phase_offset, defaults });
+    }
+    Some(NamedGait {
+        name: gait.name().to_owned(),
+        is_default: gait.is_default(),
+        stride_frequency_hz: gait.stride_frequency_hz() as f32,
+        legs: parts,
+    })
+}

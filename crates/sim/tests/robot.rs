@@ -1,0 +1,85 @@
+//! Robots of a user's own: what does not fit together is named before anything moves.
+
+mod common;
+
+use std::fs;
+use std::path::PathBuf;
+
+use canter_sim::task::ModulationChoice;
+use canter_sim::{Env, Robot};
+
+/// Writes Doggo with changed files into a folder of its own and loads it.
+fn changed(name: &str, settings: &[(&str, &str)], model: &[(&str, &str)]) -> Result<Robot, String> {
+    let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(name);
+    fs::create_dir_all(&folder).unwrap();
+    let doggo = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../robots/doggo");
+    for (file, changes) in [("robot.toml", settings), ("doggo.xml", model)] {
+        let mut text = fs::read_to_string(doggo.join(file)).unwrap();
+        for (from, to) in changes {
+            assert!(text.contains(from), "{from}");
+            text = text.replace(from, to);
+        }
+        fs::write(folder.join(file), text).unwrap();
+    }
+    Robot::load(folder.join("robot.toml").to_str().unwrap()).map_err(|error| error.to_string())
+}
+
+#[track_caller]
+fn refused(name: &str, settings: &[(&str, &str)], model: &[(&str, &str)], expected: &str) {
+    let message = changed(name, settings, model).unwrap_err();
+    assert!(message.contains(expected), "{message}");
+}
+
+#[test]
+fn a_model_that_is_not_what_robot_toml_says_is_refused() {
+    changed("as_it_is", &[], &[]).unwrap();
+    refused("links", &[("upper_link_m = 0.09", "upper_link_m = 0.10")], &[], "foot does not move as link lengths");
+    let swapped = [("upper_link_m = 0.09", "upper_link_m = 0.162"), ("lower_link_m = 0.162", "lower_link_m = 0.09")];
+    refused("swapped", &swapped, &[], "foot does not move as link lengths");
+    let crossed = [(
+        "motors = [\"front_left_motor_a\", \"front_left_motor_b\"]",
+        "motors = [\"front_left_motor_b\", \"front_left_motor_a\"]",
+    )];
+    refused("crossed", &crossed, &[], "legs[0].upper_link_m");
+    let knees = [(
+        "knees = [\"back_left_knee_a\", \"back_left_knee_b\"]",
+        "knees = [\"back_left_knee_b\", \"back_left_knee_a\"]",
+    )];
+    refused("knees", &knees, &[], "legs[1].upper_link_m");
+    refused("root", &[("\"front_left_motor_a\"", "\"root\"")], &[], "expected a hinge");
+    refused("twice", &[("\"back_left_motor_a\"", "\"front_left_motor_a\"")], &[], "this joint is named already");
+    refused("actuator", &[("\"back_left_swing\"", "\"front_left_swing\"")], &[], "this actuator is named already");
+    refused("box_foot", &[("foot = \"front_left_foot\"", "foot = \"chassis\"")], &[], "expected a sphere");
+    let raised = [("<geom name=\"floor\" type=\"plane\"", "<geom name=\"floor\" type=\"plane\" pos=\"0 0 0.5\"")];
+    refused("raised", &[], &raised, "expected a plane at z = 0");
+    refused("no_floor", &[("floor = \"floor\"", "floor = \"chassis\"")], &[], "expected a plane at z = 0");
+}
+
+#[test]
+fn the_motor_limits_hold_whatever_the_model_says() {
+    let way = |name: &str, model: &[(&str, &str)]| {
+        let robot = changed(name, &[("max_torque_nm = 4.2", "max_torque_nm = 1.0")], model).unwrap();
+        let policy = common::policy_settings("stepping", ModulationChoice::Amplitude);
+        let task = common::task(robot, &common::task_settings(), &policy);
+        let mut env = Env::new(task.clone());
+        let mut observation = vec![0.0; task.num_observations()];
+        env.reset(&mut common::uniform(1), &mut observation);
+        for _ in 0..200 {
+            env.step_prior(&mut observation);
+        }
+        env.position_in_ground()
+    };
+    let limited = way("limited", &[]);
+    let stripped = way("stripped", &[(" actuatorfrcrange=\"-4.2 4.2\"", "")]);
+    assert_eq!(limited, stripped);
+}
+
+#[test]
+fn distances_count_from_the_start() {
+    let robot = changed("moved", &[], &[("0 0 0.185", "5 2 0.185")]).unwrap();
+    let task =
+        common::task(robot, &common::task_settings(), &common::policy_settings("sine", ModulationChoice::Amplitude));
+    let mut env = Env::new(task.clone());
+    env.reset(&mut common::uniform(1), &mut vec![0.0; task.num_observations()]);
+    assert_eq!(env.position_in_ground()[..2], [0.0, 0.0]);
+}

@@ -78,6 +78,14 @@ tagged! {
     }
 }
 
+impl LegSettings {
+    /// Name of the leg.
+    pub fn name(&self) -> &str {
+        let Self::FiveBar(leg) = self;
+        &leg.name
+    }
+}
+
 settings! {
     /// A coaxial five-bar leg.
     pub struct FiveBarSettings {
@@ -240,6 +248,9 @@ impl GaitSettings {
     }
 }
 
+/// What the learned gait is called beside the robot's own gaits; none of those may have this name.
+pub const LEARNED: &str = "learned";
+
 /// A gait that a robot's legs can walk: what [`canter_gait::Gait`] borrows.
 #[derive(Clone, Debug, PartialEq)]
 pub struct NamedGait {
@@ -262,6 +273,8 @@ pub(crate) struct LegAddresses {
     pub motor_joints: [usize; 2],
     /// Places in `qpos` and `qvel` of the motor joints.
     pub motors: [(usize, usize); 2],
+    /// The passive joints.
+    pub knee_joints: [usize; 2],
     /// Places in `qpos` of the passive joints.
     pub knees: [usize; 2],
     /// Places in `ctrl`.
@@ -282,6 +295,8 @@ pub struct Robot {
     /// Changes whenever `robot.toml` or the model's file does.
     pub fingerprint: u64,
     pub(crate) leg_addresses: Vec<LegAddresses>,
+    /// The ground geom.
+    pub(crate) floor: usize,
     /// Places in `qpos` and `qvel` of the body's free joint.
     pub(crate) root: (usize, usize),
 }
@@ -409,7 +424,7 @@ impl Robot {
             id
         };
         let body = find(ObjectKind::Body, "body", &settings.body);
-        find(ObjectKind::Geom, "floor", &settings.floor);
+        let floor = find(ObjectKind::Geom, "floor", &settings.floor);
         let mut leg_addresses = Vec::new();
         for (i, LegSettings::FiveBar(leg)) in settings.legs.iter().enumerate() {
             let foot = find(ObjectKind::Geom, &format!("legs[{i}].foot"), &leg.foot);
@@ -423,14 +438,17 @@ impl Robot {
                 <[Option<usize>; 2]>::try_from(ids).ok().and_then(|[first, second]| Some([first?, second?]))
             };
             let motors = pair(ObjectKind::Joint, "motors", &leg.motors);
-            let knees = pair(ObjectKind::Joint, "knees", &leg.knees);
+            let knee_joints = pair(ObjectKind::Joint, "knees", &leg.knees);
             let actuators = pair(ObjectKind::Actuator, "actuators", &leg.actuators);
-            if let (Some(foot), Some(motor_joints), Some(knees), Some(actuators)) = (foot, motors, knees, actuators) {
+            if let (Some(foot), Some(motor_joints), Some(knee_joints), Some(actuators)) =
+                (foot, motors, knee_joints, actuators)
+            {
                 leg_addresses.push(LegAddresses {
                     foot,
                     motor_joints,
                     motors: motor_joints.map(|joint| model.joint_addresses(joint)),
-                    knees: knees.map(|joint| model.joint_addresses(joint).0),
+                    knee_joints,
+                    knees: knee_joints.map(|joint| model.joint_addresses(joint).0),
                     actuators,
                 });
             }
@@ -462,13 +480,28 @@ impl Robot {
                 if gaits.iter().any(|earlier: &NamedGait| earlier.name == gait.name()) {
                     problems.at(&format!("gaits[{i}].name"), "another gait has this name");
                 }
+                if !is_file_stem(gait.name()) {
+                    let message = "files are named after gaits: use letters, digits, `-` and `_` only";
+                    problems.at(&format!("gaits[{i}].name"), message);
+                }
+                if gait.name() == LEARNED {
+                    problems.at(&format!("gaits[{i}].name"), "this name is what training makes of a gait");
+                }
                 gaits.extend(named_gait(i, gait, &legs, &mut problems));
             }
         }
         problems.finish(())?;
-        let root = root.expect("a missing free joint is a problem");
-        Ok(Self { settings, model, legs, gaits, fingerprint, leg_addresses, root })
+        let (Some(root), Some(floor)) = (root, floor) else {
+            unreachable!("a missing free joint or floor is a problem");
+        };
+        Ok(Self { settings, model, legs, gaits, fingerprint, leg_addresses, floor, root })
     }
+}
+
+/// Whether files may be named so, on any system.
+fn is_file_stem(name: &str) -> bool {
+    let is_plain = |character: char| character.is_ascii_alphanumeric() || "-_".contains(character);
+    !name.is_empty() && name.chars().all(is_plain)
 }
 
 /// The leg as the controller sees it.

@@ -2,7 +2,8 @@
 //!
 //! The way of the data: [`config`] resolves a preset into a robot and a task; [`trainer`] owns the environments and the
 //! networks and does one iteration at a time, on the threads of [`executor`]; [`run`] is the loop around it and writes
-//! [`run_directory`]'s files, among them [`checkpoint`]s and the [`policy_file`]; [`evaluate`] measures what was learned.
+//! [`run_directory`]'s files, among them [`checkpoint`]s and the [`policy_file`]; [`evaluate`] measures what was learned,
+//! and [`trajectory`] records it step by step.
 
 pub mod checkpoint;
 pub mod config;
@@ -15,3 +16,4 @@ pub mod run_directory;
 pub mod statistics;
 pub mod tensors;
 pub mod trainer;
+pub mod trajectory;

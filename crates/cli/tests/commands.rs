@@ -42,6 +42,7 @@ fn a_training_ends_with_a_verdict_and_its_files() {
         "checkpoints",
         "config.toml",
         "eval.json",
+        "events.out.tfevents.canter",
         "lock",
         "metrics.jsonl",
         "policy.safetensors",
@@ -222,7 +223,7 @@ fn an_interrupted_training_is_saved_and_ends_like_an_undisturbed_one() {
             "\nstopping after this iteration; once more stops at once, back to the last checkpoint\n"
         );
         let run = folder.join(run);
-        assert_eq!(names(&run), ["checkpoints", "config.toml", "lock", "metrics.jsonl"]);
+        assert_eq!(names(&run), ["checkpoints", "config.toml", "events.out.tfevents.canter", "lock", "metrics.jsonl"]);
         let metrics = fs::read_to_string(run.join("metrics.jsonl")).unwrap();
         let newest = names(&run.join("checkpoints")).pop().unwrap();
         assert_eq!(newest, format!("{:08}.safetensors", metrics.lines().count()));

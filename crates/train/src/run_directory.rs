@@ -9,6 +9,7 @@ use canter_sim::settings::{Document, write_commented};
 use crate::checkpoint::{Checkpoint, CheckpointError};
 use crate::config::{ConfigError, Resolved, RunConfig, resolve};
 use crate::policy_file::{PolicyError, PolicyFile};
+use crate::tensorboard::EventFile;
 use crate::trajectory::Trajectory;
 
 /// Endings of files that a writer has not finished.
@@ -223,6 +224,19 @@ impl RunDirectory {
         written.map_err(|source| io_error(&path, source))
     }
 
+    /// Opens the event file for TensorBoard, made to hold what `metrics.jsonl` does.
+    ///
+    /// # Errors
+    /// The system's.
+    pub fn open_events(&self) -> Result<EventFile, RunError> {
+        let path = self.metrics_path();
+        let metrics = match fs::read_to_string(&path) {
+            Err(error) if error.kind() == io::ErrorKind::NotFound => String::new(),
+            text => text.map_err(|source| io_error(&path, source))?,
+        };
+        EventFile::open(&self.path, &metrics)
+    }
+
     /// Drops the lines of `metrics.jsonl` that come after an iteration: a resumed run writes them again.
     ///
     /// # Errors
@@ -317,7 +331,7 @@ fn create_numbered(folder: &Path, stem: &str) -> Result<PathBuf, RunError> {
 }
 
 /// Writes a file whole or not at all: beside it, flushed to the disk, then renamed.
-fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), RunError> {
+pub(crate) fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), RunError> {
     let mut temporary = path.as_os_str().to_owned();
     temporary.push(".");
     temporary.push(TEMPORARY_ENDING);
@@ -336,6 +350,6 @@ fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), RunError> {
     })
 }
 
-fn io_error(path: &Path, source: io::Error) -> RunError {
+pub(crate) fn io_error(path: &Path, source: io::Error) -> RunError {
     RunError::Io { path: path.to_owned(), source }
 }

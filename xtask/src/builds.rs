@@ -12,17 +12,18 @@ use crate::Failure;
 /// Builds `canter` in release mode and turns this process into it, so that signals and the exit code are its own.
 /// Comes back only with a failure.
 pub fn build_and_become_canter(root: &Path, arguments: &[OsString]) -> Failure {
-    if let Err(failure) = build_canter(root) {
-        return failure;
-    }
-    let binary = target_dir(root).join("release").join(format!("canter{}", env::consts::EXE_SUFFIX));
+    let binary = match build_canter(root) {
+        Ok(binary) => binary,
+        Err(failure) => return failure,
+    };
     let mut canter = Command::new(&binary);
     canter.args(arguments);
     become_program(canter, &binary)
 }
 
-/// Quiet when nothing has to be compiled; otherwise cargo's lines are shown as they come.
-fn build_canter(root: &Path) -> Result<(), Failure> {
+/// Builds `canter` and says where it is. Quiet when nothing has to be compiled; otherwise cargo's lines are shown as they
+/// come.
+pub fn build_canter(root: &Path) -> Result<PathBuf, Failure> {
     let mut cargo = cargo(root, "build");
     cargo.args(["--release", "--package", "canter"]).stderr(Stdio::piped());
     if std::io::stderr().is_terminal() {
@@ -39,7 +40,8 @@ fn build_canter(root: &Path) -> Result<(), Failure> {
             }
         }
     }
-    passed(child.wait().map_err(cannot_start_cargo)?)
+    passed(child.wait().map_err(cannot_start_cargo)?)?;
+    Ok(target_dir(root).join("release").join(format!("canter{}", env::consts::EXE_SUFFIX)))
 }
 
 #[cfg(unix)]
@@ -100,7 +102,7 @@ fn cargo(folder: &Path, command: &str) -> Command {
 }
 
 /// Where cargo puts what it builds.
-fn target_dir(root: &Path) -> PathBuf {
+pub fn target_dir(root: &Path) -> PathBuf {
     match env::var_os("CARGO_TARGET_DIR") {
         Some(folder) => env::current_dir().unwrap_or_default().join(folder),
         None => root.join("target"),

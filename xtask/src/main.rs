@@ -2,6 +2,7 @@
 
 mod builds;
 mod equations;
+mod full;
 mod layering;
 mod mujoco;
 mod source;
@@ -20,7 +21,7 @@ Usage: cargo xtask <TASK>
 Tasks:
   canter ARGS...       build the program `canter` and run it with ARGS; `cargo canter ARGS...` is the same
   setup                fetch the physics engine MuJoCo into .mujoco/ (26 MB, once); canter and test do it when needed
-  test [--full]        run every test and documentation example; --full adds those that need Debian packages
+  test [--full]        run every test and documentation example; --full adds those that need Python packages
   layering             check which crate uses which, which may print, and that gait uses no std
   equations [--check]  write docs/equations.md from the doc comments; --check fails when the file is out of date
   no-std               prove by a build that gait needs no standard library
@@ -77,7 +78,7 @@ fn run(task: Option<OsString>, arguments: &[OsString]) -> Result<(), Failure> {
             mujoco::ensure(&root)?;
             builds::test(&root)?;
             if full {
-                println!("--full: there are no tests that need Debian packages yet; all tests have run.");
+                full::tensorboard(&root)?;
             }
             Ok(())
         }

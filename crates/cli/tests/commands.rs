@@ -38,8 +38,21 @@ fn a_training_ends_with_a_verdict_and_its_files() {
     assert!(stdout.lines().any(|line| line.starts_with(&verdict)), "{verdict}\n{stdout}");
     assert!(stdout.contains("\nPolicy:   run/policy.safetensors\n"), "{stdout}");
     let run = folder.join("run");
-    let files = ["checkpoints", "config.toml", "eval.json", "lock", "metrics.jsonl", "policy.safetensors", "run.json"];
+    let files = [
+        "checkpoints",
+        "config.toml",
+        "eval.json",
+        "events.out.tfevents.canter",
+        "lock",
+        "metrics.jsonl",
+        "policy.safetensors",
+        "run.json",
+        "trajectories",
+    ];
     assert_eq!(names(&run), files);
+    assert_eq!(names(&run.join("trajectories")), ["learned.json", "sine.json", "stepping.json"]);
+    let learned = json(&fs::read_to_string(run.join("trajectories/learned.json")).unwrap());
+    assert_eq!((&learned["label"], &learned["robot"]), (&Value::from("learned gait"), &Value::from("doggo")));
     assert_eq!(names(&run.join("checkpoints")), ["00000000.safetensors", "00000004.safetensors"]);
     let metrics = fs::read_to_string(run.join("metrics.jsonl")).unwrap();
     let env_steps: Vec<_> = metrics.lines().map(|line| json(line)["env_steps"].as_u64().unwrap()).collect();
@@ -110,7 +123,14 @@ fn runs_are_numbered_and_the_same_seed_gives_the_same_bytes() {
         assert!(stdout.contains(&format!("into runs/doggo-3-{n}\n")), "{stdout}");
     }
     let read = |n: u32, name: &str| fs::read(folder.join(&format!("runs/doggo-3-{n}/{name}"))).unwrap();
-    for name in ["policy.safetensors", "checkpoints/00000004.safetensors", "eval.json", "config.toml"] {
+    for name in [
+        "policy.safetensors",
+        "checkpoints/00000004.safetensors",
+        "eval.json",
+        "config.toml",
+        "trajectories/learned.json",
+        "trajectories/sine.json",
+    ] {
         assert!(read(1, name) == read(2, name), "{name}");
     }
 }
@@ -203,7 +223,7 @@ fn an_interrupted_training_is_saved_and_ends_like_an_undisturbed_one() {
             "\nstopping after this iteration; once more stops at once, back to the last checkpoint\n"
         );
         let run = folder.join(run);
-        assert_eq!(names(&run), ["checkpoints", "config.toml", "lock", "metrics.jsonl"]);
+        assert_eq!(names(&run), ["checkpoints", "config.toml", "events.out.tfevents.canter", "lock", "metrics.jsonl"]);
         let metrics = fs::read_to_string(run.join("metrics.jsonl")).unwrap();
         let newest = names(&run.join("checkpoints")).pop().unwrap();
         assert_eq!(newest, format!("{:08}.safetensors", metrics.lines().count()));
@@ -224,7 +244,7 @@ fn an_interrupted_training_is_saved_and_ends_like_an_undisturbed_one() {
     let setting = format!("training.max_env_steps={total}");
     let args = train_args(&["--out", "undisturbed", "--set", &setting]);
     folder.canter(&without_steps(&args)).succeeded();
-    for name in ["policy.safetensors", "eval.json"] {
+    for name in ["policy.safetensors", "eval.json", "trajectories/learned.json"] {
         let read = |run: &str| fs::read(folder.join(run).join(name)).unwrap();
         assert!(read("interrupted") == read("undisturbed"), "{name}");
     }

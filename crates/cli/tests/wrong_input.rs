@@ -292,3 +292,22 @@ fn a_folder_that_is_not_empty_is_not_touched() {
     assert_refused_in(&folder, &train_args(&["--out", "run/precious.txt/run"]), message);
     assert_eq!(fs::read_to_string(folder.join("run/precious.txt")).unwrap(), "mine");
 }
+
+#[test]
+fn gaits_need_names_that_files_can_have() {
+    for (name, reason) in [
+        ("../trot", "files are named after gaits: use letters, digits, `-` and `_` only"),
+        ("", "files are named after gaits: use letters, digits, `-` and `_` only"),
+        ("learned", "this name is what training makes of a gait"),
+        ("stepping", "another gait has this name"),
+    ] {
+        let value = format!("{name:?}");
+        let change = |text: String| text.replace("\"sine-literal\"", &value);
+        let folder = copy_of_doggo(change, |text| text);
+        let text = fs::read_to_string(folder.join("robot/robot.toml")).unwrap();
+        let line =
+            text.lines().collect::<Vec<_>>().iter().rposition(|line| **line == format!("name = {value}")).unwrap() + 1;
+        let message = format!("robot/robot.toml:{line}:8: gaits[2].name = {value} is refused: {reason}");
+        assert_refused_in(&folder, &OWN_ROBOT, &message);
+    }
+}

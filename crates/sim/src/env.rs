@@ -1,5 +1,7 @@
 //! The environment: one robot, one task, one simulation.
 
+pub mod snapshot;
+
 use std::collections::VecDeque;
 use std::sync::Arc;
 
@@ -302,15 +304,19 @@ impl Env {
 
     /// Largest difference between commanded and actual leg position over all legs [rad].
     fn command_error_rad(&self) -> f64 {
-        let Some(command) = self.commands.front() else { return 0.0 };
-        let legs =
-            self.task.robot.legs.iter().zip(command.chunks_exact(2)).zip(self.sensed.motor_angles.chunks_exact(2));
-        legs.map(|((leg, command), angles)| {
-            let commanded = leg.actuators.invert([command[0], command[1]]);
-            let actual = leg.motors.invert([angles[0], angles[1]]);
+        let errors = self.leg_positions().map(|(commanded, actual)| {
             f64::from((commanded.swing - actual.swing).abs().max((commanded.extension - actual.extension).abs()))
+        });
+        errors.fold(0.0, f64::max)
+    }
+
+    /// Each leg's commanded and actual position; the command is the one that the motors had in the last step.
+    fn leg_positions(&self) -> impl Iterator<Item = (LegPosition, LegPosition)> {
+        let commands = self.commands.front().map_or(&[][..], |command| command);
+        let angles = self.sensed.motor_angles.chunks_exact(2);
+        self.task.robot.legs.iter().zip(commands.chunks_exact(2)).zip(angles).map(|((leg, command), angles)| {
+            (leg.actuators.invert([command[0], command[1]]), leg.motors.invert([angles[0], angles[1]]))
         })
-        .fold(0.0, f64::max)
     }
 
     /// Position of the body in the ground's frame: forward, left, up [m].
@@ -325,9 +331,14 @@ impl Env {
         frame::from_quaternion(std::array::from_fn(|i| self.simulation.qpos()[root + 3 + i]))
     }
 
+    /// Roll, pitch and yaw of the body against the ground [rad].
+    pub fn orientation_in_ground(&self) -> [f64; 3] {
+        frame::to_euler(&self.ground_from_body())
+    }
+
     /// Heading against the ground's forward axis, positive to the left [rad].
     pub fn heading_rad(&self) -> f64 {
-        frame::to_euler(&self.ground_from_body())[2]
+        self.orientation_in_ground()[2]
     }
 
     /// The gait's phase [cycles].

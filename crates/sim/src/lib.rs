@@ -16,6 +16,7 @@ pub mod settings;
 pub mod task;
 
 pub use accident::Accident;
+pub use env::snapshot::{LegSnapshot, Snapshot};
 pub use env::{Env, StepOutcome};
-pub use robot::{NamedGait, Robot, RobotError, built_in_robots};
+pub use robot::{LEARNED, NamedGait, Robot, RobotError, built_in_robots};
 pub use task::{PolicySettings, RewardSettings, Task, TaskSettings};

@@ -223,6 +223,13 @@ impl Simulation {
         self.data.kinematics();
     }
 
+    /// Finds the contacts where the geoms are now. Calls for [`update_positions`](Self::update_positions) before it.
+    ///
+    /// The next step finds them anew, so it does not depend on this.
+    pub fn update_contacts(&mut self) {
+        self.data.collision();
+    }
+
     /// The generalised positions, `(nq)` [m, rad].
     pub fn qpos(&self) -> &[f64] {
         self.data.qpos()
@@ -263,6 +270,21 @@ impl Simulation {
     /// Positions of the bodies in the world as of the last step, `(nbody x 3)` [m].
     pub fn body_positions_in_world(&self) -> &[[f64; 3]] {
         self.data.xpos()
+    }
+
+    /// Positions of the joints' anchors in the world as of the last step, `(njnt x 3)` [m].
+    pub fn joint_positions_in_world(&self) -> &[[f64; 3]] {
+        self.data.xanchor()
+    }
+
+    /// The two geoms of each contact that may carry a force, as of the last step.
+    pub fn contacts(&self) -> impl Iterator<Item = [usize; 2]> {
+        // MuJoCo also keeps contacts that are too far apart to carry a force; these are marked. A geom is -1 for soft
+        // bodies only.
+        let carrying = self.data.contact().iter().filter(|contact| contact.exclude == 0);
+        carrying.filter_map(|contact| {
+            Some([usize::try_from(contact.geom[0]).ok()?, usize::try_from(contact.geom[1]).ok()?])
+        })
     }
 
     /// Simulated time [s].

@@ -205,3 +205,66 @@ fn a_restored_environment_goes_on_with_the_same_bytes() {
     }
     assert!(restored.set_state(&state[1..], &mut restored_observation).is_err());
 }
+
+fn distance(a: [f64; 3], b: [f64; 3]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum::<f64>().sqrt()
+}
+
+#[test]
+fn a_snapshot_of_the_standing_robot_has_the_numbers_of_the_model() {
+    let (mut env, mut observation) = env(ModulationChoice::Amplitude, |settings| settings.start_noise_rad = 0.0);
+    env.reset(&mut common::uniform(1), &mut observation);
+    let standing = env.snapshot();
+    assert!(distance(standing.position, [0.0, 0.0, 0.185]) < 1e-6, "{standing:?}");
+    assert!(standing.orientation_rad.iter().all(|angle| angle.abs() < 1e-12), "{standing:?}");
+    assert_eq!((standing.num_body_contacts, standing.legs.len()), (0, 4));
+    // Front left, back left, back right, front right; the forward knee first.
+    for (leg, [x, y]) in standing.legs.iter().zip([[0.18, 0.11], [-0.18, 0.11], [-0.18, -0.11], [0.18, -0.11]]) {
+        assert!(distance(leg.hip, [x, y, 0.185]) < 1e-6, "{leg:?}");
+        assert!(distance(leg.foot, [x, y, 0.015]) < 1e-6, "{leg:?}");
+        for (knee, sign) in leg.knees.into_iter().zip([1.0, -1.0]) {
+            assert!(distance(knee, [x + sign * 0.084_256_799, y, 0.153_364_706]) < 1e-6, "{leg:?}");
+        }
+        assert!(leg.actual.swing.abs() < 1e-6 && leg.actual.extension.abs() < 1e-6, "{leg:?}");
+    }
+}
+
+#[test]
+fn a_snapshot_belongs_to_the_moment_and_leaves_no_trace() {
+    let (mut watched, mut observation) = env(ModulationChoice::Modulate, |_| {});
+    let (mut alone, _) = env(ModulationChoice::Modulate, |_| {});
+    watched.reset(&mut common::uniform(5), &mut observation);
+    alone.reset(&mut common::uniform(5), &mut observation);
+    let body_from_hip = distance([0.18, 0.11, 0.0], [0.0; 3]);
+    let mut touched = [0; 4];
+    for _ in 0..200 {
+        let work_j = watched.step_prior(&mut observation).work_j;
+        let snapshot = watched.snapshot();
+        assert_eq!(work_j, alone.step_prior(&mut observation).work_j);
+        assert_eq!(watched.state(), alone.state());
+        assert_eq!(snapshot, watched.snapshot());
+        assert_eq!(snapshot.position, watched.position_in_ground());
+        for (leg, touched) in snapshot.legs.iter().zip(&mut touched) {
+            // Positions that lag one physics step behind would be off by millimetres at walking speed.
+            assert!((distance(leg.hip, snapshot.position) - body_from_hip).abs() < 1e-6, "{leg:?}");
+            // A foot that touches is as low as its radius, 15 mm; one that does not is higher.
+            assert_eq!(leg.has_contact, leg.foot[2] <= 0.015, "{leg:?}");
+            *touched += u32::from(leg.has_contact);
+        }
+    }
+    assert!(touched.iter().all(|steps| (40..180).contains(steps)), "{touched:?}");
+}
+
+#[test]
+fn a_body_on_the_ground_is_counted() {
+    // So steep that a walking robot tumbles. Nothing stops the environment at its accident.
+    let (mut env, mut observation) = env(ModulationChoice::Amplitude, |settings| settings.slope_deg = -40.0);
+    env.reset(&mut common::uniform(2), &mut observation);
+    let mut contacts = Vec::new();
+    for _ in 0..300 {
+        env.step_prior(&mut observation);
+        contacts.push(env.snapshot().num_body_contacts);
+    }
+    assert!(contacts[..10].iter().all(|&count| count == 0), "{contacts:?}");
+    assert!(contacts.iter().any(|&count| count > 0), "{contacts:?}");
+}

@@ -117,21 +117,32 @@ pub fn run_episodes(
     settings: &EvaluationSettings,
     workers: &Workers,
 ) -> Vec<Episode> {
-    let mut task = task.clone();
-    task.settings.goal_distance_m = None;
-    task.max_env_steps = (settings.episode_s / task.settings.control_dt_s).round() as u32;
-    let task = Arc::new(task);
+    let task = evaluation_task(task, settings);
     workers.install(|| {
         (0..settings.num_episodes)
             .into_par_iter()
             .with_max_len(1)
-            .map(|number| run_episode(&mut new_env(task.clone()), mover, settings, number as u64))
+            .map(|number| run_episode(&mut new_env(task.clone()), mover, settings, number as u64, |_, _| {}))
             .collect()
     })
 }
 
-/// Episode number `number` from its own random start.
-fn run_episode(env: &mut Env, mover: Mover<'_>, settings: &EvaluationSettings, number: u64) -> Episode {
+/// The task without its goal and with the evaluation's time limit.
+pub(crate) fn evaluation_task(task: &Task, settings: &EvaluationSettings) -> Arc<Task> {
+    let mut task = task.clone();
+    task.settings.goal_distance_m = None;
+    task.max_env_steps = (settings.episode_s / task.settings.control_dt_s).round() as u32;
+    Arc::new(task)
+}
+
+/// Episode number `number` from its own random start. `observe` sees the environment after each step.
+pub(crate) fn run_episode(
+    env: &mut Env,
+    mover: Mover<'_>,
+    settings: &EvaluationSettings,
+    number: u64,
+    mut observe: impl FnMut(&mut Env, &StepOutcome),
+) -> Episode {
     let task = env.task().clone();
     let mut rng = stream(settings.seed, Purpose::Evaluation, 0, number);
     let mut observation = vec![0.0; task.num_observations()];
@@ -158,6 +169,7 @@ fn run_episode(env: &mut Env, mover: Mover<'_>, settings: &EvaluationSettings, n
                 env.step(&action, &mut observation)
             }
         };
+        observe(env, &outcome);
         episode_return += outcome.reward;
         // After an unstable step no position means anything: the episode ends where it was before.
         if outcome.terminated != Some(Accident::Unstable) {

@@ -2,7 +2,8 @@
 //!
 //! The way of the data: [`config`] resolves a preset into a robot and a task; [`trainer`] owns the environments and the
 //! networks and does one iteration at a time, on the threads of [`executor`]; [`run`] is the loop around it and writes
-//! [`run_directory`]'s files, among them [`checkpoint`]s and the [`policy_file`]; [`evaluate`] measures what was learned.
+//! [`run_directory`]'s files, among them [`checkpoint`]s, the [`policy_file`] and [`tensorboard`]'s curves; [`evaluate`]
+//! measures what was learned, and [`trajectory`] records it step by step.
 
 pub mod checkpoint;
 pub mod config;
@@ -13,5 +14,7 @@ pub mod policy_file;
 pub mod run;
 pub mod run_directory;
 pub mod statistics;
+pub mod tensorboard;
 pub mod tensors;
 pub mod trainer;
+pub mod trajectory;

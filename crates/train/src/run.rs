@@ -48,10 +48,13 @@ pub fn train(
         directory.write_checkpoint(&Checkpoint::of(trainer))?;
     }
     let interval = trainer.resolved().config.training.checkpoint_env_steps;
+    let mut events = directory.open_events()?;
     let mut next_checkpoint = trainer.progress().env_steps + interval;
     while !trainer.is_finished() {
         let report = trainer.iterate(workers)?;
-        directory.append_metrics(&metrics(&report))?;
+        let metrics = metrics(&report);
+        directory.append_metrics(&metrics)?;
+        events.append(&metrics)?;
         observe(&report);
         let is_stopped = stop.load(Ordering::Relaxed) && !trainer.is_finished();
         if is_stopped || report.progress.env_steps >= next_checkpoint {

@@ -9,6 +9,8 @@ use canter_sim::settings::{Document, write_commented};
 use crate::checkpoint::{Checkpoint, CheckpointError};
 use crate::config::{ConfigError, Resolved, RunConfig, resolve};
 use crate::policy_file::{PolicyError, PolicyFile};
+use crate::tensorboard::EventFile;
+use crate::trajectory::Trajectory;
 
 /// Endings of files that a writer has not finished.
 const TEMPORARY_ENDING: &str = "tmp";
@@ -103,7 +105,7 @@ impl RunDirectory {
             return Err(RunError::NotARun { path: path.to_owned(), missing: "config.toml" });
         }
         let directory = Self::lock(path)?;
-        for folder in [path.to_owned(), directory.checkpoint_folder()] {
+        for folder in [path.to_owned(), directory.checkpoint_folder(), trajectory_folder(path)] {
             for entry in folder.read_dir().into_iter().flatten().flatten() {
                 if entry.path().extension().is_some_and(|ending| ending == TEMPORARY_ENDING) {
                     // Left by a process that was killed while it wrote.
@@ -148,6 +150,14 @@ impl RunDirectory {
     /// The system's.
     pub fn write_json(&self, name: &str, value: &serde_json::Value) -> Result<(), RunError> {
         write_whole(&self.path.join(name), format!("{value:#}\n").as_bytes())
+    }
+
+    /// Writes `trajectories/<name>.json`.
+    ///
+    /// # Errors
+    /// The system's.
+    pub fn write_trajectory(&self, trajectory: &Trajectory) -> Result<(), RunError> {
+        write_trajectory(&trajectory_folder(&self.path), trajectory)
     }
 
     /// Writes `policy.safetensors`.
@@ -214,6 +224,19 @@ impl RunDirectory {
         written.map_err(|source| io_error(&path, source))
     }
 
+    /// Opens the event file for TensorBoard, made to hold what `metrics.jsonl` does.
+    ///
+    /// # Errors
+    /// The system's.
+    pub fn open_events(&self) -> Result<EventFile, RunError> {
+        let path = self.metrics_path();
+        let metrics = match fs::read_to_string(&path) {
+            Err(error) if error.kind() == io::ErrorKind::NotFound => String::new(),
+            text => text.map_err(|source| io_error(&path, source))?,
+        };
+        EventFile::open(&self.path, &metrics)
+    }
+
     /// Drops the lines of `metrics.jsonl` that come after an iteration: a resumed run writes them again.
     ///
     /// # Errors
@@ -275,6 +298,20 @@ pub fn policy_path(run: &Path) -> PathBuf {
     run.join("policy.safetensors")
 }
 
+/// Writes `<name>.json` of a recorded episode into a folder, which is made if it is missing.
+///
+/// # Errors
+/// The system's.
+pub fn write_trajectory(folder: &Path, trajectory: &Trajectory) -> Result<(), RunError> {
+    fs::create_dir_all(folder).map_err(|source| io_error(folder, source))?;
+    let json = serde_json::to_string(trajectory).expect("a trajectory has string keys only");
+    write_whole(&folder.join(format!("{}.json", trajectory.name)), format!("{json}\n").as_bytes())
+}
+
+fn trajectory_folder(run: &Path) -> PathBuf {
+    run.join("trajectories")
+}
+
 fn config_path(run: &Path) -> PathBuf {
     run.join("config.toml")
 }
@@ -294,7 +331,7 @@ fn create_numbered(folder: &Path, stem: &str) -> Result<PathBuf, RunError> {
 }
 
 /// Writes a file whole or not at all: beside it, flushed to the disk, then renamed.
-fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), RunError> {
+pub(crate) fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), RunError> {
     let mut temporary = path.as_os_str().to_owned();
     temporary.push(".");
     temporary.push(TEMPORARY_ENDING);
@@ -313,6 +350,6 @@ fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), RunError> {
     })
 }
 
-fn io_error(path: &Path, source: io::Error) -> RunError {
+pub(crate) fn io_error(path: &Path, source: io::Error) -> RunError {
     RunError::Io { path: path.to_owned(), source }
 }

@@ -399,13 +399,16 @@ fn left_over_temporary_files_are_cleaned_and_nothing_else() {
     let run = folder.join("run");
     common::run_in(&run, &[], 2, Some(2));
     let before = (common::names(&run), common::names(&run.join("checkpoints")));
-    assert_eq!(before.0, ["checkpoints", "config.toml", "lock", "metrics.jsonl"]);
+    assert_eq!(before.0, ["checkpoints", "config.toml", "events.out.tfevents.canter", "lock", "metrics.jsonl"]);
     for name in ["policy.safetensors.tmp", "eval.json.tmp", "checkpoints/00000003.safetensors.tmp"] {
         fs::write(run.join(name), b"half").unwrap();
     }
     fs::write(run.join("notes.txt"), b"of the user").unwrap();
     drop(RunDirectory::open(&run).unwrap());
-    assert_eq!(common::names(&run), ["checkpoints", "config.toml", "lock", "metrics.jsonl", "notes.txt"]);
+    assert_eq!(
+        common::names(&run),
+        ["checkpoints", "config.toml", "events.out.tfevents.canter", "lock", "metrics.jsonl", "notes.txt"]
+    );
     assert_eq!(common::names(&run.join("checkpoints")), before.1);
 }
 

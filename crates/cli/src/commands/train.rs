@@ -12,6 +12,7 @@ use canter_train::policy_file::PolicyFile;
 use canter_train::run::{self, Ending};
 use canter_train::run_directory::{RunDirectory, policy_path, read_config};
 use canter_train::trainer::Trainer;
+use canter_train::trajectory::record_all;
 use serde_json::json;
 
 use crate::args::{ResumeArgs, TrainArgs};
@@ -120,11 +121,15 @@ fn go_on(mut trainer: Trainer, directory: &RunDirectory, workers: &Workers) -> R
     let resolved = trainer.resolved();
     let policy = PolicyFile::of(&trainer);
     let config = &resolved.config;
-    let verdict = judge(&resolved.task, &config.policy.prior, Some(&policy.policy()), &config.evaluation, workers);
+    let (task, prior, policy) = (&resolved.task, &config.policy.prior, policy.policy());
+    let verdict = judge(task, prior, Some(&policy), &config.evaluation, workers);
+    for trajectory in record_all(task, prior, Some(&policy), &config.evaluation, workers) {
+        directory.write_trajectory(&trajectory)?;
+    }
     directory.write_json("eval.json", &serde_json::to_value(&verdict).expect("a verdict has string keys only"))?;
     say(&format!("\n{}\n", describe(&verdict)));
     say(&format!("Policy:   {}", policy_path(directory.path()).display()));
-    say(&format!("Numbers:  {run}/eval.json, metrics.jsonl, config.toml"));
+    say(&format!("Numbers:  {run}/eval.json, metrics.jsonl, config.toml, trajectories/"));
     say(&format!("Again:    canter eval {run} --slope 10"));
     Ok(ExitCode::SUCCESS)
 }

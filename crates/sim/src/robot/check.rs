@@ -5,7 +5,7 @@ use canter_gait::prior::LegGait;
 use canter_gait::{FiveBar, Leg, LegGeometry, LegLimits, LegPosition, LinearMap};
 
 use super::settings::{Actuated, GaitSettings, LegSettings, RobotSettings};
-use super::{LegAddresses, NamedGait, Robot, RobotError};
+use super::{LEARNED, LegAddresses, NamedGait, Robot, RobotError};
 use crate::env::place_leg;
 use crate::mujoco::{Model, ObjectKind, Simulation};
 use crate::settings::{Document, Problems};
@@ -82,15 +82,29 @@ pub(super) fn assemble(
             if gaits.iter().any(|earlier: &NamedGait| earlier.name == gait.name()) {
                 problems.at(&format!("gaits[{i}].name"), "another gait has this name");
             }
+            if !is_file_stem(gait.name()) {
+                let message = "files are named after gaits: use letters, digits, `-` and `_` only";
+                problems.at(&format!("gaits[{i}].name"), message);
+            }
+            if gait.name() == LEARNED {
+                problems.at(&format!("gaits[{i}].name"), "this name is what training makes of a gait");
+            }
             gaits.extend(named_gait(i, gait, &legs, &mut problems));
         }
     }
-    let Some(root) = root.filter(|_| problems.is_empty()) else {
-        return Err(problems.into());
+    problems.clone().finish(())?;
+    let (Some(root), Some(floor)) = (root, floor) else {
+        unreachable!("a missing free joint or floor is a problem");
     };
-    let robot = Robot { settings, model, legs, gaits, fingerprint, leg_addresses, root };
+    let robot = Robot { settings, model, legs, gaits, fingerprint, leg_addresses, floor, root };
     check_kinematics(&robot, &mut problems);
     Ok(problems.finish(robot)?)
+}
+
+/// Whether files may be named so, on any system.
+fn is_file_stem(name: &str) -> bool {
+    let is_plain = |character: char| character.is_ascii_alphanumeric() || "-_".contains(character);
+    !name.is_empty() && name.chars().all(is_plain)
 }
 
 /// Checks that joints are hinges, feet spheres, the floor level, and that no leg uses another's parts.

@@ -18,6 +18,9 @@ pub use settings::{
     SineSettings, SteppingSettings,
 };
 
+/// What the learned gait is called beside the robot's own gaits; none of those may have this name.
+pub const LEARNED: &str = "learned";
+
 /// A gait that a robot's legs can walk: what [`canter_gait::Gait`] borrows.
 #[derive(Clone, Debug, PartialEq)]
 pub struct NamedGait {
@@ -62,6 +65,8 @@ pub struct Robot {
     /// Changes whenever `robot.toml` or the model's file does.
     pub fingerprint: u64,
     pub(crate) leg_addresses: Vec<LegAddresses>,
+    /// The ground geom.
+    pub(crate) floor: usize,
     /// Places in `qpos` and `qvel` of the body's free joint.
     pub(crate) root: (usize, usize),
 }

@@ -72,6 +72,14 @@ tagged! {
     }
 }
 
+impl LegSettings {
+    /// Name of the leg.
+    pub fn name(&self) -> &str {
+        let Self::FiveBar(leg) = self;
+        &leg.name
+    }
+}
+
 settings! {
     /// A coaxial five-bar leg.
     pub struct FiveBarSettings {

@@ -1,0 +1,96 @@
+//! The tests that need more than cargo: programs that canter's files are made for, fetched when they are missing.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use crate::Failure;
+use crate::builds;
+
+/// The version that reads the event file; its own dependencies are the newest that pip finds.
+const TENSORBOARD: &str = "2.20.0";
+
+const READ_EVENTS: &str = include_str!("read_events.py");
+
+/// A training of 8 iterations that takes a second, with a checkpoint every second iteration.
+const TINY_TRAINING: [&str; 10] = [
+    "task.episode_s=0.5",
+    "network.actor_hidden=16",
+    "network.critic_hidden=16",
+    "training.num_environments=4",
+    "training.horizon=32",
+    "training.max_env_steps=1024",
+    "training.checkpoint_env_steps=256",
+    "ppo.minibatch_size=64",
+    "evaluation.num_episodes=2",
+    "evaluation.episode_s=2.0",
+];
+
+/// Trains, breaks the run off, resumes it, and has TensorBoard's own package read its event file.
+///
+/// # Errors
+/// Says what TensorBoard sees and should not, or what could not be fetched.
+pub fn tensorboard(root: &Path) -> Result<(), Failure> {
+    let folder = builds::target_dir(root).join("full");
+    fs::create_dir_all(&folder).map_err(|error| Failure::Task(format!("cannot make {}: {error}", folder.display())))?;
+    let python = python_with_tensorboard(&folder)?;
+    let canter = builds::build_canter(root)?;
+
+    let run = folder.join("tensorboard-run");
+    if run.exists() {
+        fs::remove_dir_all(&run).map_err(|error| Failure::Task(format!("cannot remove {}: {error}", run.display())))?;
+    }
+    let mut train = Command::new(&canter);
+    train.arg("train").arg("--out").arg(&run);
+    for setting in TINY_TRAINING {
+        train.args(["--set", setting]);
+    }
+    finish(train, "the training for TensorBoard failed")?;
+    // As if it had been killed in iteration 7 or 8: their steps must not be there twice after the resume.
+    let newest = run.join("checkpoints").join("00000008.safetensors");
+    fs::remove_file(&newest).map_err(|error| Failure::Task(format!("cannot remove {}: {error}", newest.display())))?;
+    let mut resume = Command::new(&canter);
+    resume.arg("resume").arg(&run);
+    finish(resume, "the resume for TensorBoard failed")?;
+
+    let mut read = Command::new(python);
+    read.args(["-c", READ_EVENTS]).arg(&run);
+    let said = finish(read, "TensorBoard does not see in the event file what metrics.jsonl holds")?;
+    println!("tensorboard {TENSORBOARD}: {}", said.trim());
+    Ok(())
+}
+
+/// The Python of an environment of ours that has TensorBoard; made and filled on first use.
+fn python_with_tensorboard(folder: &Path) -> Result<PathBuf, Failure> {
+    let environment = folder.join(format!("tensorboard-{TENSORBOARD}"));
+    let python = environment.join("bin").join("python");
+    let can_import = |python: &Path| {
+        let mut import = Command::new(python);
+        import.args(["-c", "import tensorboard.backend.event_processing.event_accumulator"]);
+        import.output().is_ok_and(|output| output.status.success())
+    };
+    if can_import(&python) {
+        return Ok(python);
+    }
+    eprintln!("Fetching TensorBoard {TENSORBOARD} (180 MB on the disk, once) with pip ...");
+    let mut venv = Command::new("python3");
+    venv.args(["-m", "venv", "--clear"]).arg(&environment);
+    finish(venv, "cannot make a Python environment (Debian, Ubuntu: `apt install python3-venv`)")?;
+    let mut pip = Command::new(&python);
+    pip.args(["-m", "pip", "install", "--quiet", "--disable-pip-version-check", "--no-input", "--only-binary=:all:"]);
+    pip.arg(format!("tensorboard=={TENSORBOARD}"));
+    finish(pip, "pip could not install TensorBoard; check the network (and pip's proxy or mirror setting)")?;
+    Ok(python)
+}
+
+/// Runs a program to its end and returns its output; a failure says `problem` and what the program said.
+fn finish(mut program: Command, problem: &str) -> Result<String, Failure> {
+    let output = program.output().map_err(|error| {
+        Failure::Task(format!("{problem}\ncannot run {}: {error}", program.get_program().to_string_lossy()))
+    })?;
+    if output.status.success() {
+        return Ok(String::from_utf8_lossy(&output.stdout).into_owned());
+    }
+    let said = String::from_utf8_lossy(&output.stderr);
+    Err(Failure::Task(format!("{problem}\n{}", said.trim_end())))
+}

@@ -48,12 +48,12 @@ impl ProgressLine {
         let elapsed = self.begin.elapsed();
         let steps_per_s = (report.progress.env_steps - self.begin_progress.env_steps) as f64 / elapsed.as_secs_f64();
         let share = self.share(report.progress);
-        self.bar.set_position((share * TICKS as f64) as u64);
         self.bar.set_message(format!(
             "{:.2} m/s exploring, return {mean_return}, {steps_per_s:.0} steps/s, {} s left",
             report.speed_m_per_s,
             self.time_left(share, elapsed).as_secs()
         ));
+        self.bar.set_position((share * TICKS as f64) as u64);
     }
 
     /// Share of the training that is done: whatever ends it first, env steps or episodes.

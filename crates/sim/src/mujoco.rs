@@ -149,6 +149,16 @@ impl Model {
         }
     }
 
+    /// Multiplies every mass and, with it, every moment of inertia.
+    pub fn scale_masses(&mut self, factor: f64) {
+        self.0.body_mass_mut().iter_mut().for_each(|mass| *mass *= factor);
+        self.0.body_inertia_mut().iter_mut().flatten().for_each(|moment| *moment *= factor);
+        // What MuJoCo derived from the masses when it compiled the model has to follow.
+        let mut data = MjData::new(Box::new(self.0.clone()));
+        data.set_const();
+        self.0 = data.model().clone();
+    }
+
     /// The model for changes that this interface does not name: what-if studies of single numbers.
     ///
     /// After a change of masses or sizes the caller owes MuJoCo a [`Simulation::update_constants`].
@@ -251,6 +261,16 @@ impl Simulation {
     /// Positions of the bodies in the world as of the last step, `(nbody x 3)` [m].
     pub fn body_positions_in_world(&self) -> &[[f64; 3]] {
         self.data.xpos()
+    }
+
+    /// The two geoms of each contact that may carry a force, as of the last step.
+    pub fn contacts(&self) -> impl Iterator<Item = [usize; 2]> {
+        // MuJoCo also keeps contacts that are too far apart to carry a force; these are marked. A geom is -1 for soft
+        // bodies only.
+        let carrying = self.data.contact().iter().filter(|contact| contact.exclude == 0);
+        carrying.filter_map(|contact| {
+            Some([usize::try_from(contact.geom[0]).ok()?, usize::try_from(contact.geom[1]).ok()?])
+        })
     }
 
     /// Simulated time [s].

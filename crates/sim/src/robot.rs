@@ -282,6 +282,8 @@ pub struct Robot {
     /// Changes whenever `robot.toml` or the model's file does.
     pub fingerprint: u64,
     pub(crate) leg_addresses: Vec<LegAddresses>,
+    /// The ground geom.
+    pub(crate) floor: usize,
     /// Places in `qpos` and `qvel` of the body's free joint.
     pub(crate) root: (usize, usize),
 }
@@ -409,7 +411,7 @@ impl Robot {
             id
         };
         let body = find(ObjectKind::Body, "body", &settings.body);
-        find(ObjectKind::Geom, "floor", &settings.floor);
+        let floor = find(ObjectKind::Geom, "floor", &settings.floor);
         let mut leg_addresses = Vec::new();
         for (i, LegSettings::FiveBar(leg)) in settings.legs.iter().enumerate() {
             let foot = find(ObjectKind::Geom, &format!("legs[{i}].foot"), &leg.foot);
@@ -466,8 +468,10 @@ impl Robot {
             }
         }
         problems.finish(())?;
-        let root = root.expect("a missing free joint is a problem");
-        Ok(Self { settings, model, legs, gaits, fingerprint, leg_addresses, root })
+        let (Some(root), Some(floor)) = (root, floor) else {
+            unreachable!("a missing free joint or floor is a problem");
+        };
+        Ok(Self { settings, model, legs, gaits, fingerprint, leg_addresses, floor, root })
     }
 }
 

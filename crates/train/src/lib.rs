@@ -2,13 +2,16 @@
 //!
 //! The way of the data: [`config`] resolves a preset into a robot and a task; [`trainer`] owns the environments and the
 //! networks and does one iteration at a time, on the threads of [`executor`]; [`run`] is the loop around it and writes
-//! [`run_directory`]'s files, among them [`checkpoint`]s and the [`policy_file`]; [`evaluate`] measures what was learned.
+//! [`run_directory`]'s files, among them [`checkpoint`]s and the [`policy_file`]; [`evaluate`] measures what was learned,
+//! its [`footfall`]s among it.
 
 pub mod checkpoint;
+
 pub mod config;
 pub mod environment;
 pub mod evaluate;
 pub mod executor;
+pub mod footfall;
 pub mod policy_file;
 pub mod run;
 pub mod run_directory;

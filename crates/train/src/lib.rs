@@ -15,6 +15,7 @@ pub mod footfall;
 pub mod policy_file;
 pub mod run;
 pub mod run_directory;
+pub mod search;
 pub mod statistics;
 pub mod tensors;
 pub mod trainer;

@@ -3,9 +3,10 @@
 //! The way of the data: [`config`] resolves a preset into a robot and a task; [`trainer`] owns the environments and the
 //! networks and does one iteration at a time, on the threads of [`executor`]; [`run`] is the loop around it and writes
 //! [`run_directory`]'s files, among them [`checkpoint`]s and the [`policy_file`]; [`evaluate`] measures what was learned,
-//! its [`footfall`]s among it.
+//! its [`footfall`]s among it. [`search`] tunes a gait without learning, [`compare`] sets all that side by side.
 
 pub mod checkpoint;
+pub mod compare;
 
 pub mod config;
 pub mod environment;

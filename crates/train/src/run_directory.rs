@@ -115,14 +115,7 @@ impl RunDirectory {
     }
 
     fn lock(path: &Path) -> Result<Self, RunError> {
-        let lock_path = path.join("lock");
-        let options = OpenOptions::new().create(true).append(true).open(&lock_path);
-        let lock = options.map_err(|source| io_error(&lock_path, source))?;
-        match lock.try_lock() {
-            Ok(()) => Ok(Self { path: path.to_owned(), _lock: lock }),
-            Err(TryLockError::WouldBlock) => Err(RunError::Locked(path.to_owned())),
-            Err(TryLockError::Error(source)) => Err(io_error(&lock_path, source)),
-        }
+        Ok(Self { path: path.to_owned(), _lock: lock_folder(path)? })
     }
 
     /// The folder.
@@ -279,8 +272,20 @@ fn config_path(run: &Path) -> PathBuf {
     run.join("config.toml")
 }
 
+/// Holds a folder for this process, until the file is dropped.
+pub(crate) fn lock_folder(path: &Path) -> Result<File, RunError> {
+    let lock_path = path.join("lock");
+    let options = OpenOptions::new().create(true).append(true).open(&lock_path);
+    let lock = options.map_err(|source| io_error(&lock_path, source))?;
+    match lock.try_lock() {
+        Ok(()) => Ok(lock),
+        Err(TryLockError::WouldBlock) => Err(RunError::Locked(path.to_owned())),
+        Err(TryLockError::Error(source)) => Err(io_error(&lock_path, source)),
+    }
+}
+
 /// Makes `folder/<stem>-<n>` with the first free n.
-fn create_numbered(folder: &Path, stem: &str) -> Result<PathBuf, RunError> {
+pub(crate) fn create_numbered(folder: &Path, stem: &str) -> Result<PathBuf, RunError> {
     fs::create_dir_all(folder).map_err(|source| io_error(folder, source))?;
     let mut n = 1;
     loop {
@@ -294,7 +299,7 @@ fn create_numbered(folder: &Path, stem: &str) -> Result<PathBuf, RunError> {
 }
 
 /// Writes a file whole or not at all: beside it, flushed to the disk, then renamed.
-fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), RunError> {
+pub(crate) fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), RunError> {
     let mut temporary = path.as_os_str().to_owned();
     temporary.push(".");
     temporary.push(TEMPORARY_ENDING);
@@ -313,6 +318,6 @@ fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), RunError> {
     })
 }
 
-fn io_error(path: &Path, source: io::Error) -> RunError {
+pub(crate) fn io_error(path: &Path, source: io::Error) -> RunError {
     RunError::Io { path: path.to_owned(), source }
 }

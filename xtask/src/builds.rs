@@ -17,6 +17,8 @@ pub fn build_and_become_canter(root: &Path, arguments: &[OsString]) -> Failure {
         Err(failure) => return failure,
     };
     let mut canter = Command::new(&binary);
+    // What the program prints to be typed next has to work when it is typed.
+    canter.env("CANTER_COMMAND", "cargo canter");
     canter.args(arguments);
     become_program(canter, &binary)
 }

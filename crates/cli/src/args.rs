@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use canter_train::compare::protocol::Rung;
 use clap::{Args, Parser, Subcommand};
 
 /// Learns a faster version of a legged robot's own gait, in simulation.
@@ -26,6 +27,8 @@ pub enum Command {
     Resume(ResumeArgs),
     /// Measure a trained policy, or a bare gait
     Eval(EvalArgs),
+    /// Compare learned, tuned and default gaits at equal budgets over several seeds
+    Compare(CompareArgs),
     /// List the robots, or explain one
     Robots(RobotsArgs),
     /// Print a preset with the meaning of every value
@@ -38,7 +41,8 @@ Examples:
   canter train                                     Doggo's trot, our best settings
   canter train paper --seed 3                      the paper's method
   canter train doggo --set policy.authority=0.5    keep half of the hand-made gait
-  canter train my-robot.toml --out runs/first      a configuration of your own
+  canter train my-run.toml --out runs/first        a configuration of your own
+  canter train --set robot=my-doggo/robot.toml     a robot of your own
 
 Ctrl-C ends the training after the current iteration and saves it; `canter resume` goes on.")]
 pub struct TrainArgs {
@@ -110,6 +114,40 @@ pub struct EvalArgs {
 }
 
 #[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  canter compare --quick                           does everything work? a few minutes
+  canter compare                                   the whole ladder, some 40 minutes on 2 cores
+  canter compare --seeds 3 --budget 500000         another protocol
+  canter compare --rungs tuned,doggo --out runs/x  only these beside the default gaits
+
+The rungs: sine and stepping (the default gaits, always there), tuned (the best constant parameters),
+direct and direct-best (learned without a prior), paper and doggo (learned with it).
+The rules are in docs/protocol.md.
+
+Ctrl-C saves and stops; the same command with the folder as --out goes on.")]
+pub struct CompareArgs {
+    /// A short comparison: 2 seeds, 60,000 env steps, fewer episodes; its numbers say little
+    #[arg(long)]
+    pub quick: bool,
+    /// Env steps of each learned gait and each search, for each seed; 1,000,000 if not given
+    #[arg(long, value_name = "STEPS", value_parser = clap::value_parser!(u64).range(1..=100_000_000_000))]
+    pub budget: Option<u64>,
+    /// Number of seeds: 1 to N; 5 if not given
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=1000))]
+    pub seeds: Option<u64>,
+    /// Only these rungs, beside the default gaits
+    #[arg(long, value_name = "NAMES", value_delimiter = ',', value_parser = rung)]
+    pub rungs: Option<Vec<Rung>>,
+    /// The comparison's folder; `runs/compare-n` if not given
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+    /// Jobs side by side, each on one thread; as many as there are cores if not given
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub threads: Option<u16>,
+}
+
+#[derive(Debug, Args)]
 pub struct RobotsArgs {
     /// Name of a robot, or path of a robot.toml: prints it with the meaning of every value
     pub robot: Option<String>,
@@ -122,6 +160,11 @@ pub struct ConfigArgs {
     /// Override one value of the preset; may be given several times
     #[arg(long = "set", value_name = "KEY=VALUE", value_parser = key_value)]
     pub overrides: Vec<(String, String)>,
+}
+
+/// The rung of this name.
+fn rung(name: &str) -> Result<Rung, String> {
+    Rung::from_name(name).ok_or_else(|| format!("there are {}", Rung::ALL.map(Rung::name).join(", ")))
 }
 
 /// `KEY=VALUE` in its two parts.

@@ -3,6 +3,7 @@
 use canter_sim::RobotError;
 use canter_sim::settings::Problems;
 use canter_train::checkpoint::CheckpointError;
+use canter_train::compare::CompareError;
 use canter_train::config::ConfigError;
 use canter_train::policy_file::PolicyError;
 use canter_train::run::TrainError;
@@ -27,6 +28,8 @@ pub enum CliError {
     Run(#[from] RunError),
     #[error(transparent)]
     Train(#[from] TrainError),
+    #[error(transparent)]
+    Compare(#[from] CompareError),
     #[error("this checkpoint cannot be used: {0}")]
     Checkpoint(#[from] CheckpointError),
     #[error("this policy cannot be used: {0}")]

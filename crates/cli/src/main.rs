@@ -2,6 +2,7 @@
 
 mod args;
 mod commands;
+mod comparison;
 mod error;
 mod interrupt;
 mod output;
@@ -19,6 +20,7 @@ fn main() -> ExitCode {
         Command::Train(args) => commands::train::train(&args),
         Command::Resume(args) => commands::train::resume(&args),
         Command::Eval(args) => commands::eval::eval(&args),
+        Command::Compare(args) => commands::compare::compare(&args),
         Command::Robots(args) => commands::robots::robots(&args),
         Command::Config(args) => commands::config::config(&args),
     };

@@ -1,7 +1,8 @@
-//! The progress line of a training; nothing unless standard error is a terminal.
+//! The progress line of a training or a comparison; nothing unless standard error is a terminal.
 
 use std::time::{Duration, Instant};
 
+use canter_train::compare::progress::CompareProgress;
 use canter_train::config::TrainingSettings;
 use canter_train::trainer::{IterationReport, Progress};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
@@ -24,11 +25,8 @@ pub struct ProgressLine {
 impl ProgressLine {
     /// A line for a training that may have come some way already.
     pub fn new(settings: &TrainingSettings, progress: Progress) -> Self {
-        let bar = ProgressBar::with_draw_target(Some(TICKS), ProgressDrawTarget::stderr_with_hz(5));
-        let style = ProgressStyle::with_template("{bar:24} {percent:>3}%  {msg}").expect("a valid template");
-        bar.set_style(style.progress_chars("=> "));
         Self {
-            bar,
+            bar: bar(),
             settings: settings.clone(),
             begin: Instant::now(),
             begin_progress: progress,
@@ -73,4 +71,47 @@ impl ProgressLine {
     pub fn finish(self) {
         self.bar.abandon();
     }
+}
+
+/// Shows how far a comparison has come and how long it will take.
+pub struct CompareLine {
+    bar: ProgressBar,
+    begin: Instant,
+}
+
+impl CompareLine {
+    /// A line for a comparison that begins or goes on now.
+    pub fn new() -> Self {
+        Self { bar: bar(), begin: Instant::now() }
+    }
+
+    /// Shows how far it has come; called from every thread.
+    pub fn show(&self, progress: CompareProgress) {
+        let elapsed_s = self.begin.elapsed().as_secs_f64();
+        let steps_per_s = progress.env_steps.saturating_sub(progress.skipped_env_steps) as f64 / elapsed_s;
+        let left = progress.num_env_steps.saturating_sub(progress.env_steps) as f64;
+        self.bar.set_position((progress.env_steps as f64 / progress.num_env_steps.max(1) as f64 * TICKS as f64) as u64);
+        let time_left = if steps_per_s > 0.0 { minutes(left / steps_per_s) } else { "-".to_owned() };
+        self.bar.set_message(format!(
+            "{} of {} jobs, {steps_per_s:.0} steps/s, {time_left} left",
+            progress.jobs, progress.num_jobs
+        ));
+    }
+
+    /// Leaves the line as it is.
+    pub fn finish(self) {
+        self.bar.abandon();
+    }
+}
+
+/// A time as a person says it.
+fn minutes(time_s: f64) -> String {
+    if time_s < 90.0 { format!("{time_s:.0} s") } else { format!("{:.0} min", time_s / 60.0) }
+}
+
+fn bar() -> ProgressBar {
+    let bar = ProgressBar::with_draw_target(Some(TICKS), ProgressDrawTarget::stderr_with_hz(5));
+    let style = ProgressStyle::with_template("{bar:24} {percent:>3}%  {msg}").expect("a valid template");
+    bar.set_style(style.progress_chars("=> "));
+    bar
 }

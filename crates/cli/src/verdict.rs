@@ -24,25 +24,21 @@ pub fn describe(verdict: &Verdict) -> String {
         ));
     }
     lines.push(String::new());
-    lines.push(format!(
-        "{:<24}{:>9}{:>9}{:>9}{:>9}{:>9}{:>9}{:>11}{:>7}",
-        "", "speed", "drift", "turn", "bounce", "power", "cost of", "displaced", "falls"
-    ));
-    lines.push(format!(
-        "{:<24}{:>9}{:>9}{:>9}{:>9}{:>9}{:>9}{:>11}{:>7}",
-        "", "m/s", "m", "deg", "mm", "W", "transp.", "m/s", ""
-    ));
+    let mut rows = Vec::new();
     if let Some(policy) = &verdict.policy {
-        lines.push(row("learned", policy));
+        rows.push(("learned".to_owned(), policy));
     }
     if !verdict.default_gaits.contains_key(&verdict.prior_name) {
-        lines.push(row(&format!("{} (prior)", verdict.prior_name), &verdict.prior));
+        rows.push((format!("{} (prior)", verdict.prior_name), &verdict.prior));
     }
     for (name, report) in &verdict.default_gaits {
-        let is_prior = *name == verdict.prior_name;
-        let role = if is_prior { "prior, default" } else { "default" };
-        lines.push(row(&format!("{name} ({role})"), report));
+        let role = if *name == verdict.prior_name { "prior, default" } else { "default" };
+        rows.push((format!("{name} ({role})"), report));
     }
+    let width = rows.iter().map(|(name, _)| name.chars().count()).max().unwrap_or(0);
+    lines.push(format!("{:width$}  speed  drift  turn  bounce  power  cost of  moved  falls", ""));
+    lines.push(format!("{:width$}    m/s      m   deg      mm      W  transp.    m/s", ""));
+    lines.extend(rows.iter().map(|(name, report)| row(name, width, report)));
     lines.push(String::new());
     let ground = match (protocol.slope_deg, protocol.friction) {
         (0.0, None) => "level ground".to_owned(),
@@ -60,19 +56,25 @@ pub fn describe(verdict: &Verdict) -> String {
 /// The one sentence that matters.
 fn sentence(verdict: &Verdict) -> String {
     let Some(policy) = &verdict.policy else {
-        return format!("{}: {:.2} m/s, {}.", verdict.prior_name, verdict.prior.speed_m_per_s, falls(&verdict.prior));
+        return format!(
+            "{}: {} m/s, {}.",
+            verdict.prior_name,
+            speed(verdict.prior.speed_m_per_s, 2),
+            falls(&verdict.prior)
+        );
     };
-    let default = format!("the default gait `{}` ({:.2} m/s)", verdict.default_gait, verdict.default_speed_m_per_s);
+    let default =
+        format!("the default gait `{}` ({} m/s)", verdict.default_gait, speed(verdict.default_speed_m_per_s, 2));
     match (verdict.speed_ratio, verdict.speed_ratio_ci) {
         (Some(ratio), Some(interval)) => format!(
-            "Learned gait: {:.2} m/s, {} times as fast as {default}, {}.",
-            policy.speed_m_per_s,
+            "Learned gait: {} m/s, {} times as fast as {default}, {}.",
+            speed(policy.speed_m_per_s, 2),
             with_interval(ratio, interval),
             falls(policy)
         ),
         _ => format!(
-            "Learned gait: {:.2} m/s; {default} does not move forward here, so there is no ratio; {}.",
-            policy.speed_m_per_s,
+            "Learned gait: {} m/s; {default} does not move forward here, so there is no ratio; {}.",
+            speed(policy.speed_m_per_s, 2),
             falls(policy)
         ),
     }
@@ -86,16 +88,20 @@ fn falls(report: &GaitReport) -> String {
     let episodes = report.speeds_m_per_s.len();
     match report.falls {
         0 => format!("no fall in {episodes} episodes"),
-        1 => format!("1 fall in {episodes} episodes"),
-        falls => format!("{falls} falls in {episodes} episodes"),
+        count => {
+            let causes: Vec<_> =
+                report.falls_by_cause.iter().map(|(cause, count)| format!("{count} {cause}")).collect();
+            let falls = if count == 1 { "fall" } else { "falls" };
+            format!("{count} {falls} in {episodes} episodes ({})", causes.join(", "))
+        }
     }
 }
 
-fn row(name: &str, report: &GaitReport) -> String {
+fn row(name: &str, width: usize, report: &GaitReport) -> String {
     let cost_of_transport = report.cost_of_transport.map_or("-".to_owned(), |cost| format!("{cost:.2}"));
     format!(
-        "{name:<24}{:>9.3}{:>9.2}{:>9.1}{:>9.1}{:>9.1}{cost_of_transport:>9}{:>11.3}{:>7}",
-        report.speed_m_per_s,
+        "{name:width$}{:>7}{:>7.2}{:>6.1}{:>8.1}{:>7.1}{cost_of_transport:>9}{:>7.3}{:>7}",
+        speed(report.speed_m_per_s, 3),
         report.drift_m,
         report.heading_deg,
         report.height_std_m * 1e3,
@@ -103,4 +109,11 @@ fn row(name: &str, report: &GaitReport) -> String {
         report.displacement_speed_m_per_s,
         report.falls
     )
+}
+
+/// A speed that is shown as 0 without a sign.
+fn speed(m_per_s: f64, digits: usize) -> String {
+    let text = format!("{m_per_s:.digits$}");
+    let is_zero = text.bytes().all(|byte| b"-0.".contains(&byte));
+    if is_zero { text.trim_start_matches('-').to_owned() } else { text }
 }

@@ -56,7 +56,7 @@ fn wrong_values() {
         ),
         (
             "policy.prior=gallop",
-            "policy.prior = \"gallop\" is refused: doggo has no gait called `gallop`: there are `stepping`, `sine`, \
+            "policy.prior = \"gallop\" is refused: doggo has no gait called `gallop`: set it to one of `stepping`, `sine`, \
              `sine-literal`",
         ),
         (
@@ -154,8 +154,7 @@ const OWN_ROBOT: [&str; 3] = ["train", "--set", "robot=robot/robot.toml"];
 
 #[test]
 fn robots_that_are_not_there() {
-    let message =
-        "no robot is called `nobot`: there are doggo; a robot of your own is given by the path of its robot.toml";
+    let message = "no robot is called `nobot`: there are doggo; a robot of your own is given by the path of its file, like nobot/robot.toml";
     assert_refused(&["train", "--set", "robot=nobot"], message);
     assert_refused(&["eval", "--robot", "nobot", "--prior", "sine"], message);
     assert_refused(&["robots", "nobot"], message);
@@ -230,12 +229,23 @@ fn run_directories_that_cannot_be_read() {
 }
 
 #[test]
+fn a_robot_where_a_configuration_belongs() {
+    let puppy = copy_of_doggo(|text| text, |text| text);
+    let path = puppy.join("robot/robot.toml").display().to_string();
+    let message = format!(
+        "{path}: this file describes a robot; train on it with `--set robot={path}` and name one of its gaits with \
+         `--set policy.prior=NAME`"
+    );
+    assert_refused(&["train", &path], &message);
+}
+
+#[test]
 fn runs_without_policy_or_checkpoint() {
     let folder = TemporaryFolder::new();
     fs::create_dir(folder.join("run")).unwrap();
     let config = folder.canter(&["config", "doggo"]).succeeded();
     fs::write(folder.join("run/config.toml"), config).unwrap();
-    let message = "run: no run directory: it has no policy.safetensors (has the training ended?)";
+    let message = "run: no policy yet, the training has not ended; `canter resume run` goes on with it";
     assert_refused_in(&folder, &["eval", "run"], message);
     assert_refused_in(&folder, &["resume", "run"], "run/checkpoints: no checkpoint to go on from: there is none");
 }
@@ -266,8 +276,8 @@ fn policies_of_other_runs() {
 
 #[test]
 fn evaluations_that_cannot_be() {
-    let message = "--set policy.prior=\"gallop\": policy.prior = \"gallop\" is refused: doggo has no gait called `gallop`: there \
-                   are `stepping`, `sine`, `sine-literal`";
+    let message = "--set policy.prior=\"gallop\": policy.prior = \"gallop\" is refused: doggo has no gait called `gallop`: set \
+                   it to one of `stepping`, `sine`, `sine-literal`";
     assert_refused(&["eval", "--robot", "doggo", "--prior", "gallop"], message);
     for (option, value, message) in [
         ("--episodes", "0", "evaluation.num_episodes = 0 is out of range: expected an integer from 2 to 10000"),

@@ -341,6 +341,37 @@ impl Env {
         self.orientation_in_ground()[2]
     }
 
+    /// Says which feet touch the ground, and counts the contacts of anything else with it, as of the last physics step.
+    ///
+    /// # Shapes
+    /// - `feet`: `(L)`
+    pub fn ground_contacts(&self, feet: &mut [bool]) -> usize {
+        let robot = &self.task.robot;
+        let mut others = 0;
+        feet.fill(false);
+        for [first, second] in self.simulation.contacts() {
+            let geom = match (first == robot.floor, second == robot.floor) {
+                (true, false) => second,
+                (false, true) => first,
+                _ => continue,
+            };
+            match robot.leg_addresses.iter().zip(&mut *feet).find(|(address, _)| address.foot == geom) {
+                Some((_, touches)) => *touches = true,
+                None => others += 1,
+            }
+        }
+        others
+    }
+
+    /// Pushes the robot: adds `velocity`, forward, left, up in the ground's frame, to that of the whole body at once [m/s].
+    pub fn push(&mut self, velocity: [f64; 3]) {
+        let (_, root) = self.task.robot.root;
+        // MuJoCo gives a free joint's velocity in the world, and every other joint's against its parent.
+        for (own, change) in self.simulation.qvel_mut()[root..root + 3].iter_mut().zip(velocity) {
+            *own += change;
+        }
+    }
+
     /// The gait's phase [cycles].
     pub fn phase(&self) -> f32 {
         self.clock.phase()

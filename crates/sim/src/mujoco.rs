@@ -166,6 +166,16 @@ impl Model {
         }
     }
 
+    /// Multiplies every mass and, with it, every moment of inertia.
+    pub fn scale_masses(&mut self, factor: f64) {
+        self.0.body_mass_mut().iter_mut().for_each(|mass| *mass *= factor);
+        self.0.body_inertia_mut().iter_mut().flatten().for_each(|moment| *moment *= factor);
+        // What MuJoCo derived from the masses when it compiled the model has to follow.
+        let mut data = MjData::new(Box::new(self.0.clone()));
+        data.set_const();
+        self.0 = data.model().clone();
+    }
+
     /// The model for changes that this interface does not name: what-if studies of single numbers.
     ///
     /// After a change of masses or sizes the caller owes MuJoCo a [`Simulation::update_constants`].
@@ -243,6 +253,11 @@ impl Simulation {
     /// The generalised velocities, `(nv)` [m/s, rad/s].
     pub fn qvel(&self) -> &[f64] {
         self.data.qvel()
+    }
+
+    /// The generalised velocities, `(nv)` [m/s, rad/s].
+    pub fn qvel_mut(&mut self) -> &mut [f64] {
+        self.data.qvel_mut()
     }
 
     /// The actuator targets, `(nu)`.

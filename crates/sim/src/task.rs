@@ -195,7 +195,7 @@ impl Task {
         if gait.is_none() {
             let known: Vec<_> = robot.gaits.iter().map(|gait| format!("`{}`", gait.name)).collect();
             let message = format!(
-                "{} has no gait called `{}`: there are {}",
+                "{} has no gait called `{}`: set it to one of {}",
                 robot.settings.name,
                 policy.prior,
                 known.join(", ")
@@ -286,6 +286,10 @@ fn parameter_ranges(settings: &RangeSettings, legs: &[LegGait], problems: &mut P
             return None;
         };
         let range = Range { low: low as f32, high: high as f32 };
+        if low >= high {
+            problems.at(&format!("policy.ranges.{key}"), format!("{low} is not less than {high}"));
+            return None;
+        }
         if let Some(outside) = defaults.iter().find(|&&default| default < range.low || default > range.high) {
             let message = format!("the prior's own value, {outside}, lies outside");
             problems.at(&format!("policy.ranges.{key}"), message);

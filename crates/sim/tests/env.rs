@@ -268,3 +268,60 @@ fn a_body_on_the_ground_is_counted() {
     assert!(contacts[..10].iter().all(|&count| count == 0), "{contacts:?}");
     assert!(contacts.iter().any(|&count| count > 0), "{contacts:?}");
 }
+
+#[test]
+fn a_standing_robot_touches_the_ground_with_its_feet_alone_and_a_fallen_one_with_more() {
+    // Motor angles of 0 are the standing pose.
+    let (mut env, mut observation) = env(ModulationChoice::Direct, |settings| settings.start_noise_rad = 0.0);
+    env.reset(&mut common::uniform(1), &mut observation);
+    let mut feet = [false; 4];
+    for _ in 0..50 {
+        env.step(&[0.0; 8], &mut observation);
+    }
+    assert_eq!((env.ground_contacts(&mut feet), feet), (0, [true; 4]));
+    // Thrown over, it comes down on its side.
+    env.push([0.0, 4.0, 0.0]);
+    let mut others = 0;
+    for _ in 0..200 {
+        env.step(&[0.0; 8], &mut observation);
+        others = others.max(env.ground_contacts(&mut feet));
+    }
+    assert!(others > 0);
+}
+
+#[test]
+fn a_push_changes_the_velocity_at_once_and_moves_the_robot_to_that_side() {
+    let end = |push: f64| {
+        let (mut env, mut observation) = env(ModulationChoice::Direct, |settings| settings.start_noise_rad = 0.0);
+        env.reset(&mut common::uniform(1), &mut observation);
+        env.step(&[0.0; 8], &mut observation);
+        let before = env.simulation().qvel()[..3].to_vec();
+        env.push([0.0, push, 0.0]);
+        let after = &env.simulation().qvel()[..3];
+        assert_eq!([after[0] - before[0], after[2] - before[2]], [0.0; 2]);
+        assert!((after[1] - before[1] - push).abs() < 1e-15);
+        for _ in 0..10 {
+            env.step(&[0.0; 8], &mut observation);
+        }
+        env.position_in_ground()[1]
+    };
+    let rest = end(0.0);
+    assert!(end(0.5) > rest + 0.005 && end(-0.5) < rest - 0.005);
+}
+
+#[test]
+fn scaled_masses_weigh_what_they_should() {
+    let robot = canter_sim::Robot::load("doggo").unwrap();
+    let (kg, inertia) = (robot.model.total_mass_kg(), robot.model.raw().body_inertia()[1]);
+    let mut heavier = robot.model.clone();
+    heavier.scale_masses(1.3);
+    assert!((heavier.total_mass_kg() - 1.3 * kg).abs() < 1e-12);
+    assert!((heavier.raw().body_inertia()[1][0] - 1.3 * inertia[0]).abs() < 1e-12);
+    // What MuJoCo derives from the masses has followed: the inverse weight of the body.
+    let inverse_weight = |model: &canter_sim::mujoco::Model| model.raw().body_invweight0()[1][0];
+    assert!(inverse_weight(&heavier) < 0.9 * inverse_weight(&robot.model));
+    // A factor of 1 changes nothing.
+    let mut same = robot.model.clone();
+    same.scale_masses(1.0);
+    assert_eq!(inverse_weight(&same), inverse_weight(&robot.model));
+}

@@ -179,6 +179,11 @@ pub enum ConfigError {
         /// What there is.
         known: String,
     },
+    /// A robot.toml where a configuration belongs.
+    #[error(
+        "{0}: this file describes a robot; train on it with `--set robot={0}` and name one of its gaits with `--set policy.prior=NAME`"
+    )]
+    RobotFile(String),
     /// The file, or a `--set`, is wrong.
     #[error(transparent)]
     Problems(#[from] Problems),
@@ -193,7 +198,11 @@ pub enum ConfigError {
 /// An unknown name, an unreadable file, or bytes that are not TOML.
 pub fn open_preset(name_or_path: &str) -> Result<Document, ConfigError> {
     if name_or_path.contains(std::path::MAIN_SEPARATOR) || name_or_path.ends_with(".toml") {
-        return Ok(Document::load(Path::new(name_or_path))?);
+        let document = Document::load(Path::new(name_or_path))?;
+        if document.has("legs") && document.has("model") {
+            return Err(ConfigError::RobotFile(name_or_path.to_owned()));
+        }
+        return Ok(document);
     }
     let Some(preset) = PRESETS.iter().find(|preset| preset.name == name_or_path) else {
         let known: Vec<_> = preset_names().map(|name| format!("`{name}`")).collect();
@@ -220,6 +229,11 @@ pub fn resolve(document: &Document) -> Result<Resolved, ConfigError> {
         if config.evaluation.settle_s > config.evaluation.episode_s - MIN_COUNTED_S {
             let message = format!("must leave {MIN_COUNTED_S} s of evaluation.episode_s to measure");
             problems.at("evaluation.settle_s", message);
+        }
+        let num_samples = config.training.num_environments * config.training.horizon;
+        if config.ppo.minibatch_size > num_samples {
+            let message = format!("an iteration has only num_environments times horizon = {num_samples} samples");
+            problems.at("ppo.minibatch_size", message);
         }
         let rates = MIN_LEARNING_RATE..=MAX_LEARNING_RATE;
         if config.ppo.target_kl.is_some() && !rates.contains(&config.ppo.learning_rate) {

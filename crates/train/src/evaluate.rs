@@ -12,6 +12,7 @@ use serde::Serialize;
 use crate::config::EvaluationSettings;
 use crate::environment::uniform;
 use crate::executor::Workers;
+use crate::footfall::Footfall;
 use crate::statistics::{bootstrap_interval, mean, population_std};
 
 /// What moves the robot.
@@ -25,9 +26,49 @@ pub enum Mover<'a> {
     Constant(&'a [f32]),
 }
 
+/// Under which conditions gaits are measured, beside the task.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Conditions {
+    /// Number and length of the episodes.
+    pub settings: EvaluationSettings,
+    /// Which random starts they have.
+    pub starts: Starts,
+    /// A push in every episode.
+    pub push: Option<Push>,
+}
+
+/// A row of random starts; every gait that is measured under it begins in the same states.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Starts {
+    /// Whom they belong to: an evaluation's are never seen in training or tuning.
+    pub purpose: Purpose,
+    /// Which row of this purpose and seed.
+    pub row: u64,
+    /// Number of the first start.
+    pub first: u64,
+}
+
+/// A push from the side, at once.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Push {
+    /// When, from the start of the episode [s].
+    pub at_s: f64,
+    /// Change of the body's velocity, positive to the left [m/s].
+    pub velocity_m_per_s: f64,
+}
+
+impl From<&EvaluationSettings> for Conditions {
+    fn from(settings: &EvaluationSettings) -> Self {
+        let starts = Starts { purpose: Purpose::Evaluation, row: 0, first: 0 };
+        Self { settings: settings.clone(), starts, push: None }
+    }
+}
+
 /// One episode of an evaluation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Episode {
+    /// Env steps that it took.
+    pub env_steps: u32,
     /// See [`forward_speed`] [m/s].
     pub speed_m_per_s: f64,
     /// Length of the horizontal displacement over the same time: what a robot walks that is not held to its heading [m/s].
@@ -38,8 +79,14 @@ pub struct Episode {
     pub heading_deg: f64,
     /// Standard deviation of the body's height after the settling time [m].
     pub height_std_m: f64,
+    /// See [`speed_per_step_std`] [m].
+    pub speed_per_step_std_m: f64,
     /// Mean mechanical power after the settling time [W].
     pub power_w: f64,
+    /// Env steps after the settling time at whose end anything but the feet touched the ground.
+    pub body_contact_steps: u32,
+    /// Footfalls after the settling time; none if it ended before.
+    pub footfall: Option<Footfall>,
     /// Sum of the rewards.
     pub episode_return: f64,
     /// The accident that ended it.
@@ -65,6 +112,12 @@ pub struct GaitReport {
     pub heading_deg: f64,
     /// Mean standard deviation of the body's height [m].
     pub height_std_m: f64,
+    /// Mean standard deviation of the way of one env step [m].
+    pub speed_per_step_std_m: f64,
+    /// Mean number of env steps in which anything but the feet touched the ground.
+    pub body_contact_steps: f64,
+    /// Mean footfalls; none if every episode ended before the settling time.
+    pub footfall: Option<Footfall>,
     /// Mean mechanical power [W].
     pub power_w: f64,
     /// Mean power over weight times mean speed; none for a gait that does not move forward.
@@ -89,6 +142,19 @@ pub fn forward_speed(settled_m: f64, end_m: f64, counted_s: f64) -> f64 {
     (end_m - settled_m) / counted_s
 }
 
+/// How unsteady the speed is: standard deviation over the env steps of the way of one step [m].
+///
+/// ```text
+/// s = sqrt(mean over t of (V_t - mean V)^2),  V_t = x_t - x_(t-1)
+/// ```
+///
+/// `ways_m` -> V.
+///
+/// Source: eq. 7 of the paper defines V; fig. 6 shows its spread, which the paper puts no number to.
+pub fn speed_per_step_std(ways_m: &[f64]) -> f64 {
+    population_std(ways_m)
+}
+
 /// Energy per weight and way.
 ///
 /// ```text
@@ -103,8 +169,7 @@ pub fn cost_of_transport(power_w: f64, weight_n: f64, speed_m_per_s: f64) -> Opt
 /// Measures one gait; the same settings give every gait the same starts.
 pub fn evaluate(task: &Task, mover: Mover<'_>, settings: &EvaluationSettings, workers: &Workers) -> GaitReport {
     let episodes = run_episodes(task, Env::new, mover, settings, workers);
-    let weight_n = task.robot.model.total_mass_kg() * task.robot.model.gravity();
-    GaitReport::new(&episodes, weight_n)
+    GaitReport::new(&episodes, task.robot.model.total_mass_kg() * task.robot.model.gravity())
 }
 
 /// The episodes of one gait, in environments that `new_env` makes: [`Env::new`], or a what-if study's.
@@ -114,15 +179,17 @@ pub fn run_episodes(
     task: &Task,
     new_env: impl Fn(Arc<Task>) -> Env + Sync,
     mover: Mover<'_>,
-    settings: &EvaluationSettings,
+    conditions: impl Into<Conditions>,
     workers: &Workers,
 ) -> Vec<Episode> {
+    let conditions = &conditions.into();
+    let settings = &conditions.settings;
     let task = evaluation_task(task, settings);
     workers.install(|| {
         (0..settings.num_episodes)
             .into_par_iter()
             .with_max_len(1)
-            .map(|number| run_episode(&mut new_env(task.clone()), mover, settings, number as u64, |_, _| {}))
+            .map(|number| run_episode(&mut new_env(task.clone()), mover, conditions, number as u64, |_, _| {}))
             .collect()
     })
 }
@@ -139,12 +206,14 @@ pub(crate) fn evaluation_task(task: &Task, settings: &EvaluationSettings) -> Arc
 pub(crate) fn run_episode(
     env: &mut Env,
     mover: Mover<'_>,
-    settings: &EvaluationSettings,
+    conditions: &Conditions,
     number: u64,
     mut observe: impl FnMut(&mut Env, &StepOutcome),
 ) -> Episode {
     let task = env.task().clone();
-    let mut rng = stream(settings.seed, Purpose::Evaluation, 0, number);
+    let Conditions { settings, starts, push } = conditions;
+    let steps_until = |time_s: f64| (time_s / task.settings.control_dt_s).round() as u32;
+    let mut rng = stream(settings.seed, starts.purpose, starts.row, starts.first + number);
     let mut observation = vec![0.0; task.num_observations()];
     let mut action = vec![0.0; task.num_actions()];
     let mut hidden = match mover {
@@ -154,13 +223,19 @@ pub(crate) fn run_episode(
     env.reset(&mut || uniform(&mut rng), &mut observation);
     let start_heading = env.heading_rad();
     let (mut end, mut end_heading) = (env.position_in_ground(), start_heading);
-    let settle_steps = (settings.settle_s / task.settings.control_dt_s).round() as u32;
+    let settle_steps = steps_until(settings.settle_s);
+    let push = push.map(|push| (steps_until(push.at_s), push.velocity_m_per_s));
     let mut settled = None;
-    let (mut heights, mut work_j, mut episode_return) = (Vec::new(), 0.0, 0.0);
+    let (mut heights, mut ways_m, mut contacts) = (Vec::new(), Vec::new(), Vec::new());
+    let (mut work_j, mut episode_return, mut body_contact_steps) = (0.0, 0.0, 0);
     let accident = loop {
         if env.env_steps() == settle_steps {
             settled = Some(end);
         }
+        if let Some((_, velocity)) = push.filter(|(step, _)| *step == env.env_steps()) {
+            env.push([0.0, velocity, 0.0]);
+        }
+        let before_m = env.position_in_ground()[0];
         let outcome: StepOutcome = match mover {
             Mover::Prior => env.step_prior(&mut observation),
             Mover::Constant(action) => env.step(action, &mut observation),
@@ -175,8 +250,12 @@ pub(crate) fn run_episode(
         if outcome.terminated != Some(Accident::Unstable) {
             (end, end_heading) = (env.position_in_ground(), env.heading_rad());
             if settled.is_some() {
+                let mut feet = [false; 4];
+                body_contact_steps += u32::from(env.ground_contacts(&mut feet) > 0);
+                contacts.push(feet);
                 work_j += outcome.work_j;
                 heights.push(end[2]);
+                ways_m.push(end[0] - before_m);
             }
         }
         if outcome.terminated.is_some() || outcome.truncated {
@@ -189,19 +268,24 @@ pub(crate) fn run_episode(
     let walked_s = (heights.len() as f64 * task.settings.control_dt_s).max(task.settings.control_dt_s);
     let turn = end_heading - start_heading;
     Episode {
+        env_steps: env.env_steps(),
         speed_m_per_s: forward_speed(settled[0], end[0], counted_s),
         displacement_speed_m_per_s: (end[0] - settled[0]).hypot(end[1] - settled[1]) / counted_s,
         drift_m: (end[1] - settled[1]).abs(),
         heading_deg: turn.sin().atan2(turn.cos()).abs().to_degrees(),
         height_std_m: population_std(&heights),
+        speed_per_step_std_m: speed_per_step_std(&ways_m),
         power_w: work_j / walked_s,
+        body_contact_steps,
+        footfall: Footfall::of(&contacts, task.settings.control_dt_s),
         episode_return,
         accident,
     }
 }
 
 impl GaitReport {
-    fn new(episodes: &[Episode], weight_n: f64) -> Self {
+    /// Summary of the episodes of a robot of this weight [N].
+    pub fn new(episodes: &[Episode], weight_n: f64) -> Self {
         let column = |value: fn(&Episode) -> f64| episodes.iter().map(value).collect::<Vec<f64>>();
         let speeds = column(|episode| episode.speed_m_per_s);
         let speed = mean(&speeds);
@@ -219,6 +303,9 @@ impl GaitReport {
             drift_m: mean(&column(|episode| episode.drift_m)),
             heading_deg: mean(&column(|episode| episode.heading_deg)),
             height_std_m: mean(&column(|episode| episode.height_std_m)),
+            speed_per_step_std_m: mean(&column(|episode| episode.speed_per_step_std_m)),
+            body_contact_steps: mean(&column(|episode| f64::from(episode.body_contact_steps))),
+            footfall: Footfall::mean(&episodes.iter().filter_map(|episode| episode.footfall).collect::<Vec<_>>()),
             power_w,
             cost_of_transport: cost_of_transport(power_w, weight_n, speed),
             episode_return: mean(&column(|episode| episode.episode_return)),
@@ -233,14 +320,14 @@ impl GaitReport {
 /// ratio = mean speed / mean speed of the other
 /// ```
 ///
-/// None unless the other gait moves forward.
+/// None unless the other gait moves forward with its whole interval.
 ///
 /// Source: our definition; the interval is [`bootstrap_interval`]'s.
 pub fn speed_ratio(gait: &GaitReport, other: &GaitReport) -> Option<(f64, [f64; 2])> {
     let ratio = |a: &[f64], b: &[f64]| mean(a) / mean(b);
     let (own, others) = (&gait.speeds_m_per_s, &other.speeds_m_per_s);
     let interval = || bootstrap_interval(&[own, others], |groups| ratio(&groups[0], &groups[1]));
-    (other.speed_m_per_s > 0.0).then(|| (ratio(own, others), interval()))
+    (other.speed_ci[0] > 0.0).then(|| (ratio(own, others), interval()))
 }
 
 /// The verdict on a policy: its gait, its own prior, and the gaits whose speed counts as a default speed.
@@ -351,12 +438,16 @@ mod tests {
 
     fn episode(speed: f64, accident: Option<Accident>) -> Episode {
         Episode {
+            env_steps: 1000,
             speed_m_per_s: speed,
             displacement_speed_m_per_s: speed,
             drift_m: 0.1,
             heading_deg: 3.0,
             height_std_m: 0.01,
+            speed_per_step_std_m: 0.002,
             power_w: 20.0,
+            body_contact_steps: 3,
+            footfall: None,
             episode_return: 5.0,
             accident,
         }

@@ -40,6 +40,9 @@ pub enum RunError {
         /// The file that is missing.
         missing: &'static str,
     },
+    /// Nothing to run yet.
+    #[error("{}: no policy yet, the training has not ended; `canter resume {}` goes on with it", .0.display(), .0.display())]
+    NoPolicy(PathBuf),
     /// Another process is at work.
     #[error("{}: another canter is writing into this run", .0.display())]
     Locked(PathBuf),
@@ -117,14 +120,7 @@ impl RunDirectory {
     }
 
     fn lock(path: &Path) -> Result<Self, RunError> {
-        let lock_path = path.join("lock");
-        let options = OpenOptions::new().create(true).append(true).open(&lock_path);
-        let lock = options.map_err(|source| io_error(&lock_path, source))?;
-        match lock.try_lock() {
-            Ok(()) => Ok(Self { path: path.to_owned(), _lock: lock }),
-            Err(TryLockError::WouldBlock) => Err(RunError::Locked(path.to_owned())),
-            Err(TryLockError::Error(source)) => Err(io_error(&lock_path, source)),
-        }
+        Ok(Self { path: path.to_owned(), _lock: lock_folder(path)? })
     }
 
     /// The folder.
@@ -284,10 +280,7 @@ pub fn read_config(run: &Path) -> Result<Resolved, RunError> {
 pub fn read_policy(run: &Path) -> Result<PolicyFile, RunError> {
     let path = policy_path(run);
     if !path.is_file() {
-        return Err(RunError::NotARun {
-            path: run.to_owned(),
-            missing: "policy.safetensors (has the training ended?)",
-        });
+        return Err(RunError::NoPolicy(run.to_owned()));
     }
     let bytes = fs::read(&path).map_err(|source| io_error(&path, source))?;
     PolicyFile::from_bytes(&bytes).map_err(|source| RunError::Policy { path, source })
@@ -316,8 +309,20 @@ fn config_path(run: &Path) -> PathBuf {
     run.join("config.toml")
 }
 
+/// Holds a folder for this process, until the file is dropped.
+pub(crate) fn lock_folder(path: &Path) -> Result<File, RunError> {
+    let lock_path = path.join("lock");
+    let options = OpenOptions::new().create(true).append(true).open(&lock_path);
+    let lock = options.map_err(|source| io_error(&lock_path, source))?;
+    match lock.try_lock() {
+        Ok(()) => Ok(lock),
+        Err(TryLockError::WouldBlock) => Err(RunError::Locked(path.to_owned())),
+        Err(TryLockError::Error(source)) => Err(io_error(&lock_path, source)),
+    }
+}
+
 /// Makes `folder/<stem>-<n>` with the first free n.
-fn create_numbered(folder: &Path, stem: &str) -> Result<PathBuf, RunError> {
+pub(crate) fn create_numbered(folder: &Path, stem: &str) -> Result<PathBuf, RunError> {
     fs::create_dir_all(folder).map_err(|source| io_error(folder, source))?;
     let mut n = 1;
     loop {

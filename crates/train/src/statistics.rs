@@ -1,6 +1,7 @@
 //! Means and their uncertainty.
 
 use canter_learn::random::{Purpose, stream};
+use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::Rng;
 
 /// Resamples of a bootstrap: enough for two digits of a 95 % interval.
@@ -57,21 +58,60 @@ pub fn interquartile_mean(values: &[f64]) -> f64 {
 ///
 /// Source: Efron and Tibshirani 1993, section 13.3 (percentile interval); stratified as in Agarwal et al. 2021.
 pub fn bootstrap_interval(groups: &[&[f64]], statistic: impl Fn(&[Vec<f64>]) -> f64) -> [f64; 2] {
+    interval_over(|rng| {
+        let resampled: Vec<Vec<f64>> = groups.iter().map(|group| resample(group, rng)).collect();
+        statistic(&resampled)
+    })
+}
+
+/// Like [`bootstrap_interval`], for groups of runs of episodes: runs are resampled, then the episodes of each drawn run.
+///
+/// A group of a single run has no spread over runs to show: only its episodes are resampled.
+///
+/// ```text
+/// [q_0.025, q_0.975] of statistic(resample of the runs, and of the episodes within each, of each group)
+/// ```
+///
+/// Source: Davison and Hinkley 1997, section 3.8 (hierarchical data, resampled with replacement at both levels).
+pub fn nested_bootstrap_interval(groups: &[&[Vec<f64>]], statistic: impl Fn(&[Vec<Vec<f64>>]) -> f64) -> [f64; 2] {
+    interval_over(|rng| {
+        let resampled: Vec<Vec<Vec<f64>>> = groups
+            .iter()
+            .map(|runs| (0..runs.len()).map(|_| resample(&runs[draw(rng, runs.len())], rng)).collect())
+            .collect();
+        statistic(&resampled)
+    })
+}
+
+/// The interval that holds 95 % of what `resampled_statistic` gives over the resamples' streams.
+fn interval_over(resampled_statistic: impl Fn(&mut ChaCha8Rng) -> f64) -> [f64; 2] {
     let mut values: Vec<f64> = (0..NUM_RESAMPLES)
-        .map(|resample| {
-            let mut rng = stream(BOOTSTRAP_SEED, Purpose::Bootstrap, 0, resample);
-            let resampled: Vec<Vec<f64>> = groups
-                .iter()
-                .map(|group| {
-                    let mut draw = || ((u64::from(rng.next_u32()) * group.len() as u64) >> 32) as usize;
-                    group.iter().map(|_| group[draw()]).collect()
-                })
-                .collect();
-            statistic(&resampled)
-        })
+        .map(|number| resampled_statistic(&mut stream(BOOTSTRAP_SEED, Purpose::Bootstrap, 0, number)))
         .collect();
     values.sort_by(f64::total_cmp);
     [quantile(&values, 0.025), quantile(&values, 0.975)]
+}
+
+/// As many values as there are, drawn with replacement.
+fn resample(values: &[f64], rng: &mut ChaCha8Rng) -> Vec<f64> {
+    (0..values.len()).map(|_| values[draw(rng, values.len())]).collect()
+}
+
+/// A number below `bound`, each equally likely to within 2^-32.
+fn draw(rng: &mut ChaCha8Rng, bound: usize) -> usize {
+    ((u64::from(rng.next_u32()) * bound as u64) >> 32) as usize
+}
+
+/// Probability that a run of one kind is better than a run of another, both drawn at random; a tie counts half.
+///
+/// ```text
+/// P(X > Y) = 1 / (N M) sum_i sum_j S(x_i, y_j),  S = 1 if x_i > y_j, 1/2 if equal, 0 otherwise
+/// ```
+///
+/// Source: Agarwal et al. 2021, section 4.3: the Mann-Whitney statistic. NaN if either has no run.
+pub fn probability_of_improvement(x: &[f64], y: &[f64]) -> f64 {
+    let wins = x.iter().flat_map(|x| y.iter().map(move |y| 0.5 * (f64::from(x > y) + f64::from(x >= y))));
+    wins.sum::<f64>() / (x.len() * y.len()) as f64
 }
 
 /// Quantile of sorted values by linear interpolation.

@@ -153,7 +153,7 @@ pub fn record(task: &Task, mover: Mover<'_>, settings: &EvaluationSettings, name
     let task: Arc<Task> = evaluation_task(task, settings);
     let mut env = Env::new(task.clone());
     let mut steps = Steps::default();
-    let episode = run_episode(&mut env, mover, settings, RECORDED_EPISODE, |env, outcome| {
+    let episode = run_episode(&mut env, mover, &settings.into(), RECORDED_EPISODE, |env, outcome| {
         if outcome.terminated != Some(Accident::Unstable) {
             steps.push(env, outcome);
         }

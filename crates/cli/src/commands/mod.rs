@@ -1,5 +1,6 @@
 //! One module a command.
 
+pub mod compare;
 pub mod config;
 pub mod eval;
 pub mod robots;

@@ -13,6 +13,7 @@ use crate::output::say;
 pub fn robots(args: &RobotsArgs) -> Result<ExitCode, CliError> {
     if let Some(name) = &args.robot {
         let robot = Robot::load(name)?;
+        say(&format!("# The compiled model weighs {:.3} kg.\n", robot.model.total_mass_kg()));
         say(write_commented(&robot.settings).trim_end());
         return Ok(ExitCode::SUCCESS);
     }

@@ -19,7 +19,7 @@ use crate::args::{ResumeArgs, TrainArgs};
 use crate::commands::workers;
 use crate::error::{CliError, STOPPED};
 use crate::interrupt::Interrupt;
-use crate::output::{complain, say};
+use crate::output::{complain, program, say};
 use crate::progress::ProgressLine;
 use crate::verdict::describe;
 
@@ -93,7 +93,7 @@ fn go_on(mut trainer: Trainer, directory: &RunDirectory, workers: &Workers) -> R
     let env_steps = trainer.progress().env_steps;
     let run = directory.path().display();
     if ending == Ending::Stopped {
-        say(&format!("Stopped after {env_steps} env steps, saved. Go on with:  canter resume {run}"));
+        say(&format!("Stopped after {env_steps} env steps, saved. Go on with:  {} resume {run}", program()));
         return Ok(ExitCode::from(STOPPED));
     }
     if env_steps == steps_before {
@@ -130,6 +130,6 @@ fn go_on(mut trainer: Trainer, directory: &RunDirectory, workers: &Workers) -> R
     say(&format!("\n{}\n", describe(&verdict)));
     say(&format!("Policy:   {}", policy_path(directory.path()).display()));
     say(&format!("Numbers:  {run}/eval.json, metrics.jsonl, config.toml, trajectories/"));
-    say(&format!("Again:    canter eval {run} --slope 10"));
+    say(&format!("Uphill:   {} eval {run} --slope 5", program()));
     Ok(ExitCode::SUCCESS)
 }

@@ -75,7 +75,7 @@ pub struct Robot {
 #[derive(Debug, thiserror::Error)]
 pub enum RobotError {
     /// No built-in robot has this name.
-    #[error("no robot is called `{name}`: there are {}; a robot of your own is given by the path of its robot.toml", .known.join(", "))]
+    #[error("no robot is called `{name}`: there are {}; a robot of your own is given by the path of its file, like {name}/robot.toml", .known.join(", "))]
     Unknown {
         /// What was asked for.
         name: String,

@@ -114,6 +114,11 @@ impl Document {
         self.set(key, &quote(value));
     }
 
+    /// Whether the document has a value at the dotted path `key`, known or not.
+    pub fn has(&self, key: &str) -> bool {
+        self.tree.nearest(key).1
+    }
+
     /// The folder that a relative path at `key` counts from: that of the file it was written in. None for a value of an
     /// override or of a document that is no file: the working directory.
     pub fn folder_of(&self, key: &str) -> Option<&Path> {

@@ -1,5 +1,6 @@
 //! `cargo xtask`: the tasks of this repository that cargo has no command for.
 
+mod browser;
 mod builds;
 mod equations;
 mod layering;
@@ -77,7 +78,7 @@ fn run(task: Option<OsString>, arguments: &[OsString]) -> Result<(), Failure> {
             mujoco::ensure(&root)?;
             builds::test(&root)?;
             if full {
-                println!("--full: there are no tests that need Debian packages yet; all tests have run.");
+                browser::test(&root)?;
             }
             Ok(())
         }

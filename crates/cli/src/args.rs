@@ -26,6 +26,8 @@ pub enum Command {
     Resume(ResumeArgs),
     /// Measure a trained policy, or a bare gait
     Eval(EvalArgs),
+    /// Draw runs or a comparison: one HTML page, figures, tables
+    Report(ReportArgs),
     /// List the robots, or explain one
     Robots(RobotsArgs),
     /// Print a preset with the meaning of every value
@@ -107,6 +109,24 @@ pub struct EvalArgs {
     /// Print JSON instead of a table
     #[arg(long)]
     pub json: bool,
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  canter report runs/doggo-1-1                     into the run directory itself
+  canter report runs/doggo-* --out several-seeds   several trainings on one page
+  canter report docs/results                       a folder with compare.json
+
+It leaves report.html, which needs no other file and no network, figures/*.svg and tables/*.csv. Figures as PNG files
+need a build with the feature `png`: cargo build --release --package canter --features png.")]
+pub struct ReportArgs {
+    /// Run directories that are finished, or one folder with `compare.json`
+    #[arg(required = true, value_name = "RUN")]
+    pub folders: Vec<PathBuf>,
+    /// Folder for the report; the run directory itself if one run is given without it
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
 }
 
 #[derive(Debug, Args)]

@@ -19,6 +19,7 @@ fn main() -> ExitCode {
         Command::Train(args) => commands::train::train(&args),
         Command::Resume(args) => commands::train::resume(&args),
         Command::Eval(args) => commands::eval::eval(&args),
+        Command::Report(args) => commands::report::report(&args),
         Command::Robots(args) => commands::robots::robots(&args),
         Command::Config(args) => commands::config::config(&args),
     };

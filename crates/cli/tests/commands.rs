@@ -38,8 +38,24 @@ fn a_training_ends_with_a_verdict_and_its_files() {
     assert!(stdout.lines().any(|line| line.starts_with(&verdict)), "{verdict}\n{stdout}");
     assert!(stdout.contains("\nPolicy:   run/policy.safetensors\n"), "{stdout}");
     let run = folder.join("run");
-    let files = ["checkpoints", "config.toml", "eval.json", "lock", "metrics.jsonl", "policy.safetensors", "run.json"];
+    let files = [
+        "checkpoints",
+        "config.toml",
+        "eval.json",
+        "figures",
+        "lock",
+        "metrics.jsonl",
+        "policy.safetensors",
+        "report.html",
+        "run.json",
+        "tables",
+    ];
     assert_eq!(names(&run), files);
+    let page = fs::read_to_string(run.join("report.html")).unwrap();
+    assert!(page.contains(&format!("{:.2} <small>m/s</small>", number("/policy/speed_m_per_s"))), "{page}");
+    let said = folder.canter(&["report", "run"]).succeeded();
+    assert!(said.ends_with("Report:   run/report.html\n"), "{said}");
+    assert_eq!(fs::read_to_string(run.join("report.html")).unwrap(), page);
     assert_eq!(names(&run.join("checkpoints")), ["00000004.safetensors"]);
     let metrics = fs::read_to_string(run.join("metrics.jsonl")).unwrap();
     let env_steps: Vec<_> = metrics.lines().map(|line| json(line)["env_steps"].as_u64().unwrap()).collect();

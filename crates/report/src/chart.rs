@@ -7,7 +7,7 @@ use crate::svg::{Anchor, Drawing, text_width_em};
 pub const PANEL: (f64, f64) = (360.0, 232.0);
 
 /// One em of bold figure text [px], with a little to spare: typefaces differ.
-pub const KEY_EM: f64 = 12.8;
+pub const KEY_EM: f64 = 13.4;
 
 /// Share of an axis that stays free beyond the outermost value.
 const FREE_SHARE: f64 = 0.04;
@@ -47,7 +47,9 @@ impl Axis {
 
     /// An axis over these values and zero, without room beyond zero.
     pub fn from_zero(label: &str, values: impl Iterator<Item = f64>) -> Self {
-        let (low, high) = extent(values.chain([0.0]));
+        let mut values = values.filter(|value| value.is_finite() && *value != 0.0).peekable();
+        // Nothing but zeros has no extent of its own.
+        let (low, high) = if values.peek().is_none() { (0.0, 1.0) } else { extent(values.chain([0.0])) };
         let room = FREE_SHARE * (high - low);
         let range = (if low < 0.0 { low - room } else { low }, if high > 0.0 { high + room } else { high });
         Self { range, label: label.to_owned(), ticks: Vec::new() }
@@ -59,7 +61,7 @@ impl Axis {
     }
 
     fn marks(&self) -> Vec<(f64, String)> {
-        if self.ticks.is_empty() { round_ticks(self.range, 5.0) } else { self.ticks.clone() }
+        if self.ticks.is_empty() { round_ticks(self.range, 6.0) } else { self.ticks.clone() }
     }
 }
 
@@ -316,7 +318,7 @@ mod tests {
         assert_eq!(texts((0.0, 1e6)), ["0", "200k", "400k", "600k", "800k", "1M"]);
         assert_eq!(Axis::from_zero("", [2.5].into_iter()).range, (0.0, 2.6));
         assert_eq!(Axis::from_zero("", [-1.0, 4.0].into_iter()).range, (-1.2, 4.2));
-        assert_eq!(Axis::over("", std::iter::empty()).range, (0.0, 1.0));
+        assert_eq!(Axis::from_zero("", std::iter::empty()).range, (0.0, 1.04));
     }
 
     #[test]

@@ -402,7 +402,9 @@ fn left_out(comparison: &Comparison, recorded: &[Recorded<'_>], figures: &[Figur
             ));
         }
     }
-    for (name, what) in [("return", "No learning curve was kept"), ("uphill", "No gait was measured at 0 and 20 degrees")] {
+    for (name, what) in
+        [("return", "No learning curve was kept"), ("uphill", "No gait was measured at 0 and 20 degrees")]
+    {
         if figures.iter().all(|figure| figure.name != name) {
             left_out.push(format!("{what}, so that figure is left out."));
         }
@@ -418,11 +420,7 @@ fn sections(comparison: &Comparison) -> Vec<Section> {
         .map(|subject| (subject.label, comparison.rungs[&subject.key].description.clone()))
         .collect();
     vec![
-        section(
-            "gaits",
-            "The gaits",
-            vec![Part::Table("gaits"), Part::Figure("ladder"), Part::Names(descriptions)],
-        ),
+        section("gaits", "The gaits", vec![Part::Table("gaits"), Part::Figure("ladder"), Part::Names(descriptions)]),
         section(
             "claims",
             "The paper\u{2019}s claims",

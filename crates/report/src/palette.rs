@@ -102,10 +102,11 @@ pub fn light_css() -> String {
 
 /// What changes on a dark ground.
 pub fn dark_css() -> String {
-    let mut css = ".bg{fill:#14171b}.ink,.ttl{fill:#e8eaed}.mut{fill:#9aa4af}.axis{stroke:#6b7480}.grid{stroke:#2a3037}\
+    let mut css =
+        ".bg{fill:#14171b}.ink,.ttl{fill:#e8eaed}.mut{fill:#9aa4af}.axis{stroke:#6b7480}.grid{stroke:#2a3037}\
                    .rule{stroke:#9aa4af}.ground{stroke:#6b7480}.alarm{fill:#ff7b6b}.band{fill-opacity:.2}\
                    .rule-solid{stroke:#e8eaed}.cell{fill:#1f242a}.halo{stroke:#14171b}"
-        .to_owned();
+            .to_owned();
     for (i, (_, _, dark, _)) in TONES.iter().enumerate() {
         let _ = write!(css, ".s{i}{{stroke:{dark}}}.f{i}{{fill:{dark}}}.t{i}{{fill:{dark};color:{dark}}}");
     }

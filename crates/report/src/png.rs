@@ -24,7 +24,8 @@ impl Painter {
     pub fn new() -> Self {
         let mut fonts = Database::new();
         fonts.load_system_fonts();
-        let is_there = |name: &&str| fonts.query(&Query { families: &[Family::Name(name)], ..Query::default() }).is_some();
+        let is_there =
+            |name: &&str| fonts.query(&Query { families: &[Family::Name(name)], ..Query::default() }).is_some();
         if let Some(name) = TYPEFACES.iter().copied().find(|name| is_there(&name)) {
             fonts.set_sans_serif_family(name);
         }
@@ -36,7 +37,9 @@ impl Painter {
     pub fn paint(&self, path: &Path, svg: &str) -> Result<Vec<u8>, ReportError> {
         let failed = |what: String| ReportError::Png { path: path.to_path_buf(), what };
         if self.options.fontdb.is_empty() {
-            return Err(failed("there is no font on this machine; install one, for example fonts-dejavu-core".to_owned()));
+            return Err(failed(
+                "there is no font on this machine; install one, for example fonts-dejavu-core".to_owned(),
+            ));
         }
         let tree = Tree::from_str(svg, &self.options).map_err(|error| failed(error.to_string()))?;
         let size = tree.size();

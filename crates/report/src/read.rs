@@ -254,9 +254,12 @@ pub fn run(path: &Path) -> Result<Run, ReportError> {
             TRAIN_AGAIN,
         ));
     }
-    for (name, report) in verdict.default_gaits.iter().map(|(name, report)| (name.as_str(), report)).chain(
-        verdict.policy.iter().map(|report| ("policy", report)).chain([("prior", &verdict.prior)]),
-    ) {
+    for (name, report) in verdict
+        .default_gaits
+        .iter()
+        .map(|(name, report)| (name.as_str(), report))
+        .chain(verdict.policy.iter().map(|report| ("policy", report)).chain([("prior", &verdict.prior)]))
+    {
         if report.speeds_m_per_s.len() as u64 != verdict.protocol.num_episodes {
             let what = format!(
                 "`{name}` has {} speeds for {} episodes",
@@ -386,7 +389,11 @@ fn trajectory(path: &Path) -> Result<Trajectory, ReportError> {
         ("extension_rad", t.extension_rad.iter().all(|row| row.len() == legs)),
     ];
     if let Some((name, _)) = per_leg.iter().find(|(_, fits)| !fits) {
-        return Err(wrong(path, format!("a row of `{name}` has not one entry for each of {legs} legs"), TRAJECTORY_AGAIN));
+        return Err(wrong(
+            path,
+            format!("a row of `{name}` has not one entry for each of {legs} legs"),
+            TRAJECTORY_AGAIN,
+        ));
     }
     let positive =
         [("control_dt_s", t.control_dt_s), ("leg_length_m", t.leg_length_m), ("max_torque_nm", t.max_torque_nm)];

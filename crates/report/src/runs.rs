@@ -36,10 +36,8 @@ pub fn report(run_dirs: &[PathBuf], out: &Path) -> Result<Written, ReportError> 
     }
     let measured = measured(&runs)?;
     let learned = &measured[..runs.len()];
-    let recorded: Vec<Recorded<'_>> = measured
-        .iter()
-        .filter_map(|gait| gait.trajectory.map(|trajectory| (&gait.subject, trajectory)))
-        .collect();
+    let recorded: Vec<Recorded<'_>> =
+        measured.iter().filter_map(|gait| gait.trajectory.map(|trajectory| (&gait.subject, trajectory))).collect();
     let protocol = &first.verdict.protocol;
     let which = format!("{} episodes of each gait from the same starts.", protocol.num_episodes);
 
@@ -69,7 +67,10 @@ pub fn report(run_dirs: &[PathBuf], out: &Path) -> Result<Written, ReportError> 
         );
     }
     for gait in measured.iter().filter(|gait| gait.trajectory.is_none() && !recorded.is_empty()) {
-        left_out.push(format!("No episode of {} was recorded; it is missing in the figures from recordings.", gait.subject.label));
+        left_out.push(format!(
+            "No episode of {} was recorded; it is missing in the figures from recordings.",
+            gait.subject.label
+        ));
     }
     if figures.iter().all(|figure| figure.name != "learning") {
         left_out.push("metrics.jsonl has fewer than two lines, so the learning curves are left out.".to_owned());
@@ -120,7 +121,7 @@ fn measured(runs: &[Run]) -> Result<Vec<Measured<'_>>, ReportError> {
             subject: Subject { key: run.name.clone(), label, tone: Tone::of_run(i) },
             report,
             trajectory: run.trajectories.get(LEARNED),
-            role: format!("learned from `{}`", run.verdict.prior_name),
+            role: format!("learned from {}", run.verdict.prior_name),
         });
     }
     let mut bare: BTreeMap<&str, Measured<'_>> = BTreeMap::new();
@@ -131,7 +132,7 @@ fn measured(runs: &[Run]) -> Result<Vec<Measured<'_>>, ReportError> {
             let position = bare.len();
             let is_prior = runs.iter().any(|run| run.verdict.prior_name == name);
             let role = match (is_default, is_prior) {
-                (true, true) => "default gait, prior",
+                (true, true) => "default gait and prior",
                 (true, false) => "default gait",
                 _ => "prior",
             };
@@ -156,7 +157,8 @@ fn verdict(runs: &[Run], learned: &[Measured<'_>]) -> (String, Vec<BigNumber>) {
     let speed = interquartile_mean(&speeds);
     let ratios: Vec<f64> = runs.iter().filter_map(|run| run.verdict.speed_ratio).collect();
     let ratio = (ratios.len() == runs.len()).then(|| interquartile_mean(&ratios));
-    let default = format!("the default gait `{}` ({} m/s)", verdict.default_gait, quantity(verdict.default_speed_m_per_s, 2));
+    let default =
+        format!("the default gait {} ({} m/s)", verdict.default_gait, quantity(verdict.default_speed_m_per_s, 2));
     let compared = ratio.map_or_else(
         || format!("{default} does not move forward here"),
         |ratio| format!("{} times as fast as {default}", quantity(ratio, 2)),
@@ -167,11 +169,20 @@ fn verdict(runs: &[Run], learned: &[Measured<'_>]) -> (String, Vec<BigNumber>) {
         let [low, high] = learned[0].report.speed_ci;
         (
             format!("The learned gait walks {} m/s: {compared}, with {fallen}.", quantity(speed, 2)),
-            format!("speed of the learned gait; 95 % interval over the episodes {} to {}", quantity(low, 2), quantity(high, 2)),
+            format!(
+                "speed of the learned gait; 95 % interval over the episodes {} to {}",
+                quantity(low, 2),
+                quantity(high, 2)
+            ),
         )
     } else {
         (
-            format!("{} trainings walk {} to {} m/s: {compared}, with {fallen}.", runs.len(), quantity(low, 2), quantity(high, 2)),
+            format!(
+                "{} trainings walk {} to {} m/s: {compared}, with {fallen}.",
+                runs.len(),
+                quantity(low, 2),
+                quantity(high, 2)
+            ),
             format!("interquartile mean over {} trainings", runs.len()),
         )
     };
@@ -184,9 +195,12 @@ fn verdict(runs: &[Run], learned: &[Measured<'_>]) -> (String, Vec<BigNumber>) {
         let meaning = format!("as fast as the default gait {}{interval}", verdict.default_gait);
         numbers.push(BigNumber { value: quantity(ratio, 2), unit: "times".to_owned(), meaning });
     }
-    if let (1, Some(ratio), Some([low, high]), true) =
-        (runs.len(), verdict.prior_speed_ratio, verdict.prior_speed_ratio_ci, verdict.prior_name != verdict.default_gait)
-    {
+    if let (1, Some(ratio), Some([low, high]), true) = (
+        runs.len(),
+        verdict.prior_speed_ratio,
+        verdict.prior_speed_ratio_ci,
+        verdict.prior_name != verdict.default_gait,
+    ) {
         let meaning = format!(
             "as fast as its own prior {}; 95 % interval {} to {}",
             verdict.prior_name,
@@ -239,7 +253,12 @@ fn energy(measured: &[Measured<'_>], which: &str) -> Figure {
                 .report
                 .cost_of_transport
                 .map(|cost| {
-                    let tip = format!("{}: {} at {} m/s", gait.subject.label, quantity(cost, 2), quantity(gait.report.speed_m_per_s, 2));
+                    let tip = format!(
+                        "{}: {} at {} m/s",
+                        gait.subject.label,
+                        quantity(cost, 2),
+                        quantity(gait.report.speed_m_per_s, 2)
+                    );
                     ([gait.report.speed_m_per_s, cost], tip)
                 })
                 .into_iter()
@@ -348,8 +367,9 @@ fn sections() -> Vec<Section> {
 
 fn protocol_text(run: &Run) -> String {
     let protocol = &run.verdict.protocol;
-    let friction =
-        protocol.friction.map_or_else(|| "the model\u{2019}s own friction".to_owned(), |value| format!("friction {value}"));
+    let friction = protocol
+        .friction
+        .map_or_else(|| "the model\u{2019}s own friction".to_owned(), |value| format!("friction {value}"));
     format!(
         "{} episodes of {} s for each gait, on a slope of {} degrees with {friction}, every gait from the same random \
          starts (seed {}), which no training uses. Speed counts forward, from {} s on; a robot that falls keeps the full \

@@ -79,8 +79,7 @@ impl Table {
     /// RFC 4180, with a head of names; an interval takes three columns.
     pub fn csv(&self) -> String {
         let mut csv = String::new();
-        let has_interval =
-            |column: usize| self.rows.iter().any(|row| matches!(row[column], Cell::Interval(..)));
+        let has_interval = |column: usize| self.rows.iter().any(|row| matches!(row[column], Cell::Interval(..)));
         let names: Vec<String> = self
             .columns
             .iter()
@@ -189,7 +188,9 @@ mod tests {
             ],
         };
         let html = table.html();
-        assert!(html.contains("<td>a, &quot;b&quot; &lt;i&gt;</td><td class=\"n\">0.53 <small>0.50 to 0.55</small></td>"));
+        assert!(
+            html.contains("<td>a, &quot;b&quot; &lt;i&gt;</td><td class=\"n\">0.53 <small>0.50 to 0.55</small></td>")
+        );
         assert!(html.contains("<td class=\"n\">1\u{202f}200</td>"), "{html}");
         assert_eq!(
             table.csv(),
@@ -199,6 +200,9 @@ mod tests {
 
     #[test]
     fn thousands_are_grouped() {
-        assert_eq!([0, 12, 999, 1000, 1_234_567].map(grouped), ["0", "12", "999", "1\u{202f}000", "1\u{202f}234\u{202f}567"]);
+        assert_eq!(
+            [0, 12, 999, 1000, 1_234_567].map(grouped),
+            ["0", "12", "999", "1\u{202f}000", "1\u{202f}234\u{202f}567"]
+        );
     }
 }

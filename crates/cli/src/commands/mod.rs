@@ -2,6 +2,7 @@
 
 pub mod config;
 pub mod eval;
+pub mod report;
 pub mod robots;
 pub mod train;
 

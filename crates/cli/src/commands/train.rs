@@ -15,6 +15,7 @@ use canter_train::trainer::Trainer;
 use serde_json::json;
 
 use crate::args::{ResumeArgs, TrainArgs};
+use crate::commands::report::report_finished;
 use crate::commands::workers;
 use crate::error::{CliError, STOPPED};
 use crate::interrupt::Interrupt;
@@ -123,6 +124,7 @@ fn go_on(mut trainer: Trainer, directory: &RunDirectory, workers: &Workers) -> R
     let verdict = judge(&resolved.task, &config.policy.prior, Some(&policy.policy()), &config.evaluation, workers);
     directory.write_json("eval.json", &serde_json::to_value(&verdict).expect("a verdict has string keys only"))?;
     say(&format!("\n{}\n", describe(&verdict)));
+    report_finished(directory.path());
     say(&format!("Policy:   {}", policy_path(directory.path()).display()));
     say(&format!("Numbers:  {run}/eval.json, metrics.jsonl, config.toml"));
     say(&format!("Again:    canter eval {run} --slope 10"));

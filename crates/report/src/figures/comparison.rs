@@ -40,10 +40,7 @@ pub fn returns(rungs: &[Placed<'_>], default: &Placed<'_>) -> Option<Figure> {
     let points = || curves.iter().flat_map(|(_, points)| points);
     let level = default.1.return_iqm;
     let x = Axis::from_zero("env steps", points().map(|point| point[0]));
-    let y = Axis::from_zero(
-        "return of an episode",
-        points().flat_map(|point| [point[2], point[3]]).chain([level]),
-    );
+    let y = Axis::from_zero("return of an episode", points().flat_map(|point| [point[2], point[3]]).chain([level]));
     let labels: Vec<&str> = curves.iter().map(|(subject, _)| subject.label.as_str()).collect();
     let mut chart = Chart::new("", (rows::WIDTH, 270.0), &x, &y, &labels);
     for (subject, points) in &curves {
@@ -199,10 +196,7 @@ pub fn uphill(sweep: &Sweep, subjects: &[&Subject], num_episodes: &str) -> Optio
             .collect();
         rows::bars(&rows, range)
     };
-    let group = |heading: &str, i: usize| Group {
-        heading: Some((heading.to_owned(), None)),
-        ..rows::alone(side(i))
-    };
+    let group = |heading: &str, i: usize| Group { heading: Some((heading.to_owned(), None)), ..rows::alone(side(i)) };
     Some(Figure {
         name: "uphill",
         title: "On the flat and 20 degrees uphill".to_owned(),

@@ -2,9 +2,7 @@
 
 use crate::chart::{Axis, Chart, PANEL, Panel, quantity, shortened};
 use crate::figures::{Figure, Flow, Group, Subject, rows};
-use crate::motion::{
-    body_corners, duty_factor, in_body, middle_stride, near_legs, settled, speed_per_step, strides,
-};
+use crate::motion::{body_corners, duty_factor, in_body, middle_stride, near_legs, settled, speed_per_step, strides};
 use crate::read::Trajectory;
 use crate::statistics::{mean, moving_average, population_std, quantile};
 use crate::svg::{Anchor, Drawing};
@@ -305,10 +303,8 @@ pub fn torque(recorded: &[Recorded<'_>]) -> Figure {
             .map(|torque| torque.abs() / trajectory.max_torque_nm)
             .collect();
         used.sort_by(f64::total_cmp);
-        let points: Vec<_> = (0..=100)
-            .map(f64::from)
-            .map(|percent| [percent, 100.0 * quantile(&used, percent / 100.0)])
-            .collect();
+        let points: Vec<_> =
+            (0..=100).map(f64::from).map(|percent| [percent, 100.0 * quantile(&used, percent / 100.0)]).collect();
         chart.line(&format!("line {}", subject.tone.dashed()), points.iter().copied());
         chart.label(points[100][1], subject.tone, &subject.label);
     }
@@ -337,8 +333,7 @@ pub fn leg_space(recorded: &[Recorded<'_>]) -> Figure {
             let (swing, extension) = (trajectory.swing_limits_rad, trajectory.extension_limits_rad);
             let corner = chart.at([swing[0], extension[1]]);
             let opposite = chart.at([swing[1], extension[0]]);
-            let outline =
-                [corner, (opposite.0, corner.1), opposite, (corner.0, opposite.1), corner];
+            let outline = [corner, (opposite.0, corner.1), opposite, (corner.0, opposite.1), corner];
             chart.drawing().polyline("rule", &outline);
             let from = settled(trajectory);
             let to = (from + (2.0 / trajectory.control_dt_s) as usize).min(trajectory.time_s.len());

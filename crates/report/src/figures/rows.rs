@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use crate::chart::{Axis, KEY_EM, Chart, Panel, quantity, round_ticks, shortened};
+use crate::chart::{Axis, Chart, KEY_EM, Panel, quantity, round_ticks, shortened};
 use crate::figures::{Figure, Flow, Group, Subject};
 use crate::svg::{Anchor, Drawing, text_width_em};
 
@@ -39,7 +39,7 @@ pub fn speeds(rows: &[SpeedRow<'_>]) -> Panel {
     let x_at = |value: f64| left + (value - low) / (high - low) * (right - left);
     let bottom = top + rows.len() as f64 * ROW;
     let mut drawing = Drawing::default();
-    for (value, text) in round_ticks((low, high), 5.0) {
+    for (value, text) in round_ticks((low, high), 6.0) {
         let x = x_at(value);
         drawing.line(if value.abs() < 1e-12 { "axis" } else { "grid" }, (x, top), (x, bottom));
         drawing.text("mut", (x, bottom + 14.0), Anchor::Middle, &text);
@@ -71,7 +71,7 @@ pub fn bars(rows: &[SpeedRow<'_>], (low, high): (f64, f64)) -> Panel {
     let x_at = |value: f64| left + (value - low) / (high - low) * (right - left);
     let bottom = 4.0 + rows.len() as f64 * row_height;
     let mut drawing = Drawing::default();
-    for (value, text) in round_ticks((low, high), 5.0) {
+    for (value, text) in round_ticks((low, high), 6.0) {
         let x = x_at(value);
         drawing.line(if value.abs() < 1e-12 { "axis" } else { "grid" }, (x, 4.0), (x, bottom));
         drawing.text("mut", (x, bottom + 14.0), Anchor::Middle, &text);

@@ -88,7 +88,8 @@ pub fn trajectory(gait: &SampleGait) -> Value {
         let fallen = gait.falls_at.map_or(0.0, |end| (1.0 - (end - step) as f64 / 25.0).max(0.0));
         let ripple = 0.25 * (2.0 * TAU * cycle).sin() + gait.unsteady * noise(step);
         x += gait.speed * dt * start * (1.0 + ripple) * (1.0 - fallen);
-        let (roll, pitch) = (0.02 * (TAU * cycle).sin() + 1.1 * fallen, 0.03 * (TAU * cycle + 0.5).sin() + 0.2 * fallen);
+        let (roll, pitch) =
+            (0.02 * (TAU * cycle).sin() + 1.1 * fallen, 0.03 * (TAU * cycle + 0.5).sin() + 0.2 * fallen);
         let yaw = 0.0;
         let mut rows: Vec<Vec<Value>> = vec![Vec::new(); 9];
         let leg_space: Vec<[f64; 4]> = (0..4)
@@ -105,13 +106,18 @@ pub fn trajectory(gait: &SampleGait) -> Value {
             let half_angle: f64 = 1.21 - extension;
             upper * half_angle.cos() + (lower * lower - (upper * half_angle.sin()).powi(2)).sqrt()
         };
-        let height = leg_space.iter().map(|[swing, extension, ..]| length(*extension) * swing.cos()).fold(0.0, f64::max);
+        let height =
+            leg_space.iter().map(|[swing, extension, ..]| length(*extension) * swing.cos()).fold(0.0, f64::max);
         let height = height * (1.0 - 0.6 * fallen);
         for (leg, [swing, extension, commanded_swing, commanded_extension]) in leg_space.into_iter().enumerate() {
             let (hip_x, hip_y) = hips[leg];
             let hip = [x + hip_x * pitch.cos(), hip_y, height - hip_x * pitch.sin()];
             let at = |angle: f64, radius: f64| {
-                [rounded(hip[0] + radius * (angle - pitch).sin()), hip_y, rounded(hip[2] - radius * (angle - pitch).cos())]
+                [
+                    rounded(hip[0] + radius * (angle - pitch).sin()),
+                    hip_y,
+                    rounded(hip[2] - radius * (angle - pitch).cos()),
+                ]
             };
             let half_angle = 1.21 - extension;
             let mut foot = at(swing, length(extension));
@@ -142,8 +148,20 @@ pub fn trajectory(gait: &SampleGait) -> Value {
         }
     }
     let keys = [
-        "time_s", "phase", "position_m", "orientation_rad", "body_contact", "hip_m", "knee_m", "foot_m", "contact",
-        "commanded_swing_rad", "commanded_extension_rad", "swing_rad", "extension_rad", "torque_nm",
+        "time_s",
+        "phase",
+        "position_m",
+        "orientation_rad",
+        "body_contact",
+        "hip_m",
+        "knee_m",
+        "foot_m",
+        "contact",
+        "commanded_swing_rad",
+        "commanded_extension_rad",
+        "swing_rad",
+        "extension_rad",
+        "torque_nm",
     ];
     let mut trajectory = json!({
         "version": 1, "name": gait.name, "label": gait.label, "robot": "doggo", "legs": legs, "control_dt_s": dt,
@@ -158,7 +176,8 @@ pub fn trajectory(gait: &SampleGait) -> Value {
 }
 
 fn report(speed: f64, falls: u64) -> Value {
-    let speeds: Vec<f64> = (0..20).map(|i| speed * (1.0 + 0.05 * noise(i)) * if i < falls as usize { 0.4 } else { 1.0 }).collect();
+    let speeds: Vec<f64> =
+        (0..20).map(|i| speed * (1.0 + 0.05 * noise(i)) * if i < falls as usize { 0.4 } else { 1.0 }).collect();
     let mean = speeds.iter().sum::<f64>() / 20.0;
     json!({
         "speed_m_per_s": mean, "speed_ci": [mean * 0.98, mean * 1.02], "displacement_speed_m_per_s": mean * 1.03,

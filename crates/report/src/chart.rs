@@ -127,7 +127,6 @@ pub struct Chart {
     x: (f64, f64),
     y: (f64, f64),
     labels: Vec<Label>,
-    levels: Vec<(f64, String)>,
     alt: String,
 }
 
@@ -148,7 +147,6 @@ impl Chart {
             x: x.range,
             y: y.range,
             labels: Vec::new(),
-            levels: Vec::new(),
             alt: if title.is_empty() { format!("{} against {}", y.label, x.label) } else { title.to_owned() },
         };
         if !title.is_empty() {
@@ -224,11 +222,11 @@ impl Chart {
         self.drawing.polygon(&format!("band {}", tone.fill()), &outline);
     }
 
-    /// A level across the whole chart, named at its right end, above all lines.
-    pub fn level(&mut self, value: f64, text: &str) {
+    /// A level across the whole chart, with its name in the right margin.
+    pub fn level(&mut self, value: f64, tone: Tone, text: &str) {
         let at = self.y_at(value);
-        self.drawing.line("rule", (self.left, at), (self.right, at));
-        self.levels.push((at, text.to_owned()));
+        self.drawing.line(&format!("rule {}", tone.stroke()), (self.left, at), (self.right, at));
+        self.label(value, tone, text);
     }
 
     /// A name in the right margin, at the height of `value`.
@@ -247,9 +245,6 @@ impl Chart {
 
     /// Puts the labels where they do not cover each other.
     pub fn finish(mut self) -> Panel {
-        for (at, text) in std::mem::take(&mut self.levels) {
-            self.drawing.text("mut sml halo", (self.right - 4.0, at - 5.0), Anchor::End, &text);
-        }
         let mut labels = std::mem::take(&mut self.labels);
         labels.sort_by(|a, b| a.at.total_cmp(&b.at));
         let wanted: Vec<f64> = labels.iter().map(|label| label.at).collect();

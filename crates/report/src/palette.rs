@@ -83,7 +83,7 @@ font-size:11px}\
 .line{stroke-width:1.8}.thin{stroke-width:1.2}.thick{stroke-width:5;stroke-opacity:.3}\
 .faint{stroke-width:1;stroke-opacity:.38}.whisk{stroke-width:1.1;stroke-opacity:.55}\
 .band{fill-opacity:.15;stroke:none}.limb{stroke-width:2.2}.far{stroke-width:1.8;stroke-opacity:.42}\
-.seed{fill-opacity:.55}.box{fill-opacity:.2;stroke-width:1.6;stroke-linejoin:round}.halo{paint-order:stroke;stroke-width:3px;stroke-linejoin:round}.bar{fill-opacity:.75}.fall{fill-opacity:.3}";
+.seed{fill-opacity:.55}.box{fill-opacity:.2;stroke-width:1.6;stroke-linejoin:round}.bar{fill-opacity:.75}.fall{fill-opacity:.3}";
 
 /// The style sheet of figures on a light ground, without variables: many programs that read SVG know none.
 pub fn light_css() -> String {
@@ -91,7 +91,7 @@ pub fn light_css() -> String {
     css.push_str(
         ".bg{fill:#fff}.ink,.ttl{fill:#1b1f24}.mut{fill:#5c6570}.axis{stroke:#8b949e}.grid{stroke:#e4e7eb}\
          .rule{stroke:#5c6570}.ground{fill:none;stroke:#8b949e;stroke-width:1.2}.alarm{fill:#c0392b}\
-         .rule-solid{stroke:#1b1f24}.cell{fill:#f1f3f5}.halo{stroke:#fff}",
+         .rule-solid{stroke:#1b1f24}.cell{fill:#f1f3f5}",
     );
     for (i, (line, text, _, dashes)) in TONES.iter().enumerate() {
         let _ = write!(css, ".s{i}{{stroke:{line}}}.f{i}{{fill:{line}}}.t{i}{{fill:{text};color:{text}}}");
@@ -105,7 +105,7 @@ pub fn dark_css() -> String {
     let mut css =
         ".bg{fill:#14171b}.ink,.ttl{fill:#e8eaed}.mut{fill:#9aa4af}.axis{stroke:#6b7480}.grid{stroke:#2a3037}\
                    .rule{stroke:#9aa4af}.ground{stroke:#6b7480}.alarm{fill:#ff7b6b}.band{fill-opacity:.2}\
-                   .rule-solid{stroke:#e8eaed}.cell{fill:#1f242a}.halo{stroke:#14171b}"
+                   .rule-solid{stroke:#e8eaed}.cell{fill:#1f242a}"
             .to_owned();
     for (i, (_, _, dark, _)) in TONES.iter().enumerate() {
         let _ = write!(css, ".s{i}{{stroke:{dark}}}.f{i}{{fill:{dark}}}.t{i}{{fill:{dark};color:{dark}}}");

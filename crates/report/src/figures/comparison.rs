@@ -41,13 +41,14 @@ pub fn returns(rungs: &[Placed<'_>], default: &Placed<'_>) -> Option<Figure> {
     let level = default.1.return_iqm;
     let x = Axis::from_zero("env steps", points().map(|point| point[0]));
     let y = Axis::from_zero("return of an episode", points().flat_map(|point| [point[2], point[3]]).chain([level]));
-    let labels: Vec<&str> = curves.iter().map(|(subject, _)| subject.label.as_str()).collect();
+    let labels: Vec<&str> =
+        curves.iter().map(|(subject, _)| *subject).chain([default.0]).map(|subject| subject.label.as_str()).collect();
     let mut chart = Chart::new("", (rows::WIDTH, 270.0), &x, &y, &labels);
     for (subject, points) in &curves {
         let edges: Vec<[f64; 3]> = points.iter().map(|&[x, _, low, high]| [x, low, high]).collect();
         chart.band(subject.tone, &edges);
     }
-    chart.level(level, &format!("{}, without learning", default.0.label));
+    chart.level(level, default.0.tone, &default.0.label);
     for (subject, points) in &curves {
         chart.line(&format!("line {}", subject.tone.dashed()), points.iter().map(|&[x, y, _, _]| [x, y]));
         chart.label(points[NUM_CURVE_POINTS - 1][1], subject.tone, &subject.label);

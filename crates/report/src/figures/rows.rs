@@ -110,12 +110,18 @@ pub fn falls(rows: &[FallRow<'_>], which: &str) -> Figure {
     let subjects: Vec<&Subject> = rows.iter().map(|row| row.subject).collect();
     let (left, top) = (name_width(&subjects), 22.0);
     let columns = causes.len() + 1;
-    let column = (WIDTH - left) / columns as f64;
+    // The first one holds more text.
+    let first = 1.35 * (WIDTH - left) / (columns as f64 + 0.35);
+    let column = (WIDTH - left - first) / (columns - 1) as f64;
+    let place = |i: usize| match i {
+        0 => (left, first),
+        i => (left + first + (i - 1) as f64 * column, column),
+    };
     let mut drawing = Drawing::default();
     for (i, cause) in ["any"].into_iter().chain(causes.iter().copied()).enumerate() {
-        let x = left + (i as f64 + 0.5) * column;
+        let (x, column) = place(i);
         let name = shortened(&cause.replace('_', " "), column / 11.5);
-        drawing.text("mut", (x, 12.0), Anchor::Middle, &name);
+        drawing.text("mut", (x + 0.5 * column, 12.0), Anchor::Middle, &name);
     }
     for (row_number, row) in rows.iter().enumerate() {
         let y = top + row_number as f64 * ROW;
@@ -124,7 +130,7 @@ pub fn falls(rows: &[FallRow<'_>], which: &str) -> Figure {
         drawing.text(&class, (left - 10.0, y + 0.5 * ROW + 3.8), Anchor::End, &name);
         let counts = causes.iter().map(|cause| row.by_cause.get(*cause).copied().unwrap_or(0));
         for (i, count) in [row.by_cause.values().sum::<u64>()].into_iter().chain(counts).enumerate() {
-            let x = left + i as f64 * column;
+            let (x, column) = place(i);
             let share = count as f64 / row.num_episodes.max(1) as f64;
             drawing.rectangle("cell", (x + 1.5, y + 1.5), (column - 3.0, ROW - 3.0), 3.0);
             // The bar's length is the share: no colour has to be read.

@@ -275,6 +275,13 @@ def main():
                     check(is_dark == (scheme == "dark"), f"{page} in {scheme} has the ground {background}")
                     complaints = browser.complaints(page)
                     check(not complaints, f"{page}: {complaints}")
+                browser.open(page, 800)
+                browser.call("Emulation.setEmulatedMedia", media="print")
+                hidden = "getComputedStyle(document.getElementById('replay')).display === 'none'"
+                check(browser.evaluate(hidden), f"{page} prints its replay, which cannot move on paper")
+                check_figures(browser, figures)
+                if shots:
+                    browser.screenshot(shots / f"{name}-print.png")
                 print(f"{page}: passed")
         finally:
             browser.close()

@@ -113,7 +113,7 @@ fn verdict(rungs: &[Placed<'_>], default: &Placed<'_>) -> (String, Vec<BigNumber
     let num_falls: u64 = best.seeds.iter().map(|seed| seed.falls).sum();
     let seeds = best.seeds.len();
     let [low, high] = best.speed_ci.map(|end| quantity(end, 2));
-    let mut sentence = format!("{} walks {} m/s", subject.label, quantity(best.speed_iqm, 2));
+    let mut sentence = format!("{} walks {} m/s", capitalised(&subject.label), quantity(best.speed_iqm, 2));
     let mut numbers = vec![BigNumber {
         value: quantity(best.speed_iqm, 2),
         unit: "m/s".to_owned(),
@@ -149,6 +149,12 @@ fn verdict(rungs: &[Placed<'_>], default: &Placed<'_>) -> (String, Vec<BigNumber
         meaning: format!("in {} episodes over {seeds} training seeds", grouped(episodes)),
     });
     (sentence, numbers)
+}
+
+/// The label as it begins a sentence.
+fn capitalised(label: &str) -> String {
+    let mut characters = label.chars();
+    characters.next().map_or_else(String::new, |first| first.to_uppercase().chain(characters).collect())
 }
 
 /// "doggo, seed 3", or the gait alone where there is no seed.
@@ -442,7 +448,7 @@ fn protocol_text(comparison: &Comparison) -> String {
     let protocol = &comparison.protocol;
     let seeds: Vec<String> = protocol.seeds.iter().map(u64::to_string).collect();
     format!(
-        "Budget: {} env steps for each gait and training seed, those for selecting included. Training seeds: {}. \
+        "Budget: {} env steps; what each seed took is in its table. Training seeds: {}. \
          Evaluation: {} episodes of {} s, every gait from the same random starts (seed {}); speed counts forward, from {} s \
          on.\n\n{}",
         grouped(protocol.budget_env_steps),

@@ -33,6 +33,41 @@ pub fn in_body(trajectory: &Trajectory, step: usize, point: [f64; 3]) -> [f64; 3
     into_body(std::array::from_fn(|i| point[i] - origin[i]), trajectory.orientation_rad[step])
 }
 
+/// A point of step `step` in side view, wherever the robot looks: forward of its body along its heading, and above the
+/// ground [m].
+///
+/// ```text
+/// ((p - p_body) . (cos yaw, sin yaw, 0), p_z)
+/// ```
+///
+/// Source: our definition. Seen along the ground's axes, a robot that has turned would look shortened.
+pub fn side_view(trajectory: &Trajectory, step: usize, point: [f64; 3]) -> (f64, f64) {
+    let origin = trajectory.position_m[step];
+    let (sin, cos) = trajectory.orientation_rad[step][2].sin_cos();
+    ((point[0] - origin[0]) * cos + (point[1] - origin[1]) * sin, point[2])
+}
+
+/// Way along the robot's heading up to each step [m]: what the ground under a side view has moved.
+///
+/// ```text
+/// s_t = s_(t-1) + (p_t - p_(t-1)) . (cos yaw_t, sin yaw_t),  s_0 = 0
+/// ```
+///
+/// # Shapes
+/// - (T) -> (T)
+///
+/// Source: our definition.
+pub fn way_along_heading(trajectory: &Trajectory) -> Vec<f64> {
+    let mut way = 0.0;
+    let mut ways = vec![0.0];
+    for (pair, orientation) in trajectory.position_m.windows(2).zip(&trajectory.orientation_rad[1..]) {
+        let (sin, cos) = orientation[2].sin_cos();
+        way += (pair[1][0] - pair[0][0]) * cos + (pair[1][1] - pair[0][1]) * sin;
+        ways.push(way);
+    }
+    ways
+}
+
 /// First step after the settling time; the first of all in an episode that ended before.
 pub fn settled(trajectory: &Trajectory) -> usize {
     let after = trajectory.time_s.partition_point(|&time| time < trajectory.settle_s);
@@ -93,7 +128,7 @@ pub fn body_box(trajectory: &Trajectory) -> (f64, f64) {
     (reach + BODY_MARGIN * trajectory.leg_length_m, BODY_HALF_THICKNESS * trajectory.leg_length_m)
 }
 
-/// Corners of the body's box in side view: (forward, up) from the body's foot point on the ground [m].
+/// Corners of the body's box in side view: as [`side_view`] has it [m].
 pub fn body_corners(trajectory: &Trajectory, step: usize) -> [(f64, f64); 4] {
     let (half_length, half_thickness) = body_box(trajectory);
     let (sin, cos) = trajectory.orientation_rad[step][1].sin_cos();
@@ -111,6 +146,45 @@ mod tests {
 
     fn assert_close(a: [f64; 3], b: [f64; 3]) {
         assert!(a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-12), "{a:?} {b:?}");
+    }
+
+    #[test]
+    fn a_robot_that_walks_to_the_left_is_seen_from_its_right() {
+        let quarter = std::f64::consts::FRAC_PI_2;
+        let column = |value: f64| vec![vec![value]; 2];
+        let points = || vec![vec![[1.0, 2.3, 0.1]]; 2];
+        let trajectory = Trajectory {
+            name: String::new(),
+            robot: String::new(),
+            legs: vec![String::new()],
+            control_dt_s: 0.01,
+            settle_s: 0.0,
+            slope_deg: 0.0,
+            terminated: None,
+            leg_length_m: 0.2,
+            max_torque_nm: 1.0,
+            swing_limits_rad: [-1.0, 1.0],
+            extension_limits_rad: [-1.0, 1.0],
+            time_s: vec![0.01, 0.02],
+            phase: vec![0.0; 2],
+            position_m: vec![[1.0, 2.0, 0.2], [1.0, 2.1, 0.2]],
+            orientation_rad: vec![[0.0, 0.0, quarter]; 2],
+            hip_m: points(),
+            knee_m: vec![vec![[[1.0, 2.3, 0.1]; 2]]; 2],
+            foot_m: points(),
+            contact: vec![vec![1], vec![0]],
+            body_contact: vec![0; 2],
+            commanded_swing_rad: column(0.0),
+            commanded_extension_rad: column(0.0),
+            swing_rad: column(0.0),
+            extension_rad: column(0.0),
+            torque_nm: column(0.0),
+        };
+        let (forward, up) = side_view(&trajectory, 0, [1.0, 2.3, 0.1]);
+        assert!((forward - 0.3).abs() < 1e-12 && up == 0.1, "{forward} {up}");
+        assert!((way_along_heading(&trajectory)[1] - 0.1).abs() < 1e-12);
+        assert_eq!(speed_per_step(&trajectory), [0.0]);
+        assert_eq!(duty_factor(&trajectory, 0), 0.5);
     }
 
     #[test]

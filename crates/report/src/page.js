@@ -17,14 +17,14 @@
 
   let reach = 0, top = 0, end = 0;
   for (const gait of gaits) {
-    const legs = gait.near.length, width = 4 + 8 * legs, steps = gait.frames.length / width;
+    const legs = gait.near.length, width = 5 + 8 * legs, steps = gait.frames.length / width;
     const rows = [];
     for (let i = 0; i < steps; i++) {
       const row = gait.frames.slice(i * width, (i + 1) * width);
       for (let k = 0; i > 0 && k < width - 1; k++) row[k] += rows[i - 1][k];
       rows.push(row);
-      top = Math.max(top, row[1] + gait.box[1] + gait.box[0] * Math.abs(row[2]) / 1000);
-      for (let k = 3; k < width - 1; k += 2) reach = Math.max(reach, Math.abs(row[k]));
+      top = Math.max(top, row[2] + gait.box[1] + gait.box[0] * Math.abs(row[3]) / 1000);
+      for (let k = 4; k < width - 1; k += 2) reach = Math.max(reach, Math.abs(row[k]));
     }
     gait.rows = rows;
     delete gait.frames;
@@ -67,7 +67,7 @@
       const exact = Math.min(time / gait.dt, last), step = Math.floor(exact), share = exact - step;
       const from = gait.rows[step], to = gait.rows[Math.min(step + 1, last)];
       const at = (k) => from[k] + share * (to[k] - from[k]);
-      const x = at(0), up = at(1), pitch = at(2) / 1000, contacts = from[from.length - 1];
+      const x = at(0), way = at(1), up = at(2), pitch = at(3) / 1000, contacts = from[from.length - 1];
       const corner = (a, b) => {
         const along = a * gait.box[0], above = b * gait.box[1];
         return [Math.cos(pitch) * along + Math.sin(pitch) * above,
@@ -75,7 +75,7 @@
       };
       gait.body.setAttribute('d', path([corner(1, 1), corner(1, -1), corner(-1, -1), corner(-1, 1)]) + 'Z');
       gait.parts.forEach((part, leg) => {
-        const point = (i) => [at(3 + 8 * leg + 2 * i), -up - at(4 + 8 * leg + 2 * i)];
+        const point = (i) => [at(4 + 8 * leg + 2 * i), -up - at(5 + 8 * leg + 2 * i)];
         part.limb.setAttribute('d', path([point(0), point(1), point(3), point(2), point(0)]));
         const end = point(3);
         part.foot.setAttribute('cx', end[0].toFixed(1));
@@ -85,9 +85,9 @@
       // A tick every 0.1 m, a number every 0.5 m.
       let ticks = 'M' + -half + ' 0H' + half;
       const numbers = [];
-      for (let m = Math.ceil((x - half) / 100); m * 100 < x + half; m++) {
-        ticks += 'M' + (m * 100 - x).toFixed(1) + ' 0v' + (m % 5 ? 6 : 12);
-        if (m % 5 === 0) numbers.push([m * 100 - x, m / 10]);
+      for (let m = Math.ceil((way - half) / 100); m * 100 < way + half; m++) {
+        ticks += 'M' + (m * 100 - way).toFixed(1) + ' 0v' + (m % 5 ? 6 : 12);
+        if (m % 5 === 0) numbers.push([m * 100 - way, m / 10]);
       }
       gait.ground.setAttribute('d', ticks);
       while (gait.marks.childNodes.length < numbers.length) svg('text', 'mut', gait.marks).setAttribute('y', 37);

@@ -192,8 +192,9 @@ fn figure_html(figure: &Figure) -> String {
 fn replay_html(recorded: &[Recorded<'_>]) -> String {
     let mut html = String::from(
         "<section id=\"replay\">\n<h2>Replay</h2>\n<p class=\"lead\">The recorded episodes side by side, at the same \
-         clock, seen from the robot\u{2019}s right. A large foot is on the ground; ticks are 0.1 m apart. \
-         Key k: play or pause.</p>\n<div class=\"replay-bar\">\
+         clock, each seen from its robot\u{2019}s right. A large foot is on the ground. Marks on the ground \
+         count the way along the robot\u{2019}s heading; beside the name stands how far it has come forward. Key k: play or \
+         pause.</p>\n<div class=\"replay-bar\">\
          <button type=\"button\" id=\"replay-play\" aria-pressed=\"false\">Play</button>\
          <input type=\"range\" id=\"replay-scrub\" min=\"0\" max=\"1\" step=\"0.01\" value=\"0\" aria-label=\"time [s]\">\
          <span id=\"replay-clock\">0.00 s</span><fieldset aria-label=\"speed\">",

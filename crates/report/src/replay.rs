@@ -3,31 +3,34 @@
 use serde_json::{Value, json};
 
 use crate::figures::recorded::Recorded;
-use crate::motion::{body_box, near_legs};
+use crate::motion::{body_box, near_legs, side_view, way_along_heading};
 
 /// The data of all gaits as JSON that cannot end the script element that it stands in.
 ///
-/// `frames` holds for each step: body forward, up [mm] and pitch [mrad]; for each leg hip, both knees and foot, forward
-/// and up [mm] from the body; and one bit a foot on the ground. Each number but the last is the difference from the step
+/// `frames` holds for each step: the body's way forward, its way along its heading, its height [mm] and its pitch [mrad];
+/// for each leg hip, both knees and foot, forward and up [mm] from the body; and one bit a foot on the ground. Each number but the last is the difference from the step
 /// before.
 pub fn data(recorded: &[Recorded<'_>]) -> String {
     let gaits: Vec<Value> = recorded
         .iter()
         .map(|(subject, trajectory)| {
             let (half_length, half_thickness) = body_box(trajectory);
+            let ways = way_along_heading(trajectory);
             let mut frames: Vec<i64> = Vec::new();
             let mut before: Vec<i64> = Vec::new();
             for step in 0..trajectory.time_s.len() {
                 let origin = trajectory.position_m[step];
                 let mut now = vec![
                     millimetres(origin[0]),
+                    millimetres(ways[step]),
                     millimetres(origin[2]),
                     millimetres(trajectory.orientation_rad[step][1]),
                 ];
                 for leg in 0..trajectory.legs.len() {
                     let [front, back] = trajectory.knee_m[step][leg];
                     for point in [trajectory.hip_m[step][leg], front, back, trajectory.foot_m[step][leg]] {
-                        now.extend([millimetres(point[0] - origin[0]), millimetres(point[2] - origin[2])]);
+                        let (forward, up) = side_view(trajectory, step, point);
+                        now.extend([millimetres(forward), millimetres(up - origin[2])]);
                     }
                 }
                 before.resize(now.len(), 0);

@@ -144,7 +144,7 @@ fn a_comparison_has_every_figure_and_its_numbers() {
     let own = ["ladder", "return", "uphill", "slope", "friction", "mass", "delay", "push", "energy", "falls"];
     assert_figures(&path, &page, &[&own[..], &RECORDED].concat());
     assert!(page.contains(
-        "<h1>canter walks 2.41 m/s: 4.55 times as fast as the default gait (0.53 m/s) and 1.41 times as fast as the best \
+        "<h1>Canter walks 2.41 m/s: 4.55 times as fast as the default gait (0.53 m/s) and 1.41 times as fast as the best \
          constant gait that a search found, with no fall in 100 episodes.</h1>"
     ));
     let rows = csv(&path.join("tables/gaits.csv"));

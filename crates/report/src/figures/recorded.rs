@@ -2,7 +2,10 @@
 
 use crate::chart::{Axis, Chart, PANEL, Panel, quantity, shortened};
 use crate::figures::{Figure, Flow, Group, Subject, rows};
-use crate::motion::{body_corners, duty_factor, in_body, middle_stride, near_legs, settled, speed_per_step, strides};
+use crate::motion::{
+    body_corners, duty_factor, in_body, middle_stride, near_legs, settled, side_view, speed_per_step, strides,
+    way_along_heading,
+};
 use crate::read::Trajectory;
 use crate::statistics::{mean, moving_average, population_std, quantile};
 use crate::svg::{Anchor, Drawing};
@@ -36,10 +39,9 @@ pub fn film_strip(recorded: &[Recorded<'_>]) -> Figure {
     for (_, trajectory) in recorded {
         let (from, to) = middle_stride(trajectory);
         for step in from..to {
-            let x = trajectory.position_m[step][0];
             let feet = trajectory.foot_m[step].iter().chain(trajectory.knee_m[step].iter().flatten());
             let corners = body_corners(trajectory, step);
-            for (across, up) in feet.map(|point| (point[0] - x, point[2])).chain(corners) {
+            for (across, up) in feet.map(|&point| side_view(trajectory, step, point)).chain(corners) {
                 reach = (reach.0.max(across.abs()), reach.1.max(up));
             }
         }
@@ -60,7 +62,7 @@ pub fn film_strip(recorded: &[Recorded<'_>]) -> Figure {
             let length = trajectory.position_m[to][0] - trajectory.position_m[from][0];
             let duration = trajectory.time_s[to] - trajectory.time_s[from];
             let heading = format!(
-                "{}: one stride, {} mm in {} s",
+                "{}: one stride, {} mm forward in {} s",
                 subject.label,
                 quantity(length * 1e3, 0),
                 quantity(duration, 2)
@@ -83,15 +85,18 @@ pub fn film_strip(recorded: &[Recorded<'_>]) -> Figure {
 
 fn frame_panel(subject: &Subject, trajectory: &Trajectory, step: usize, time: f64, scale: f64, height: f64) -> Panel {
     let mut drawing = Drawing::default();
-    let origin = trajectory.position_m[step][0];
     let ground = height - 14.0;
     let at = |x: f64, z: f64| (0.5 * FRAME_WIDTH + x * scale, ground - z * scale);
-    let point = |point: [f64; 3]| at(point[0] - origin, point[2]);
+    let point = |point: [f64; 3]| {
+        let (forward, up) = side_view(trajectory, step, point);
+        at(forward, up)
+    };
+    let way = way_along_heading(trajectory)[step];
     drawing.line("ground", (0.0, ground), (FRAME_WIDTH, ground));
     let half_width_m = 0.5 * FRAME_WIDTH / scale;
-    let (first, last) = ((origin - half_width_m) / 0.1, (origin + half_width_m) / 0.1);
+    let (first, last) = ((way - half_width_m) / 0.1, (way + half_width_m) / 0.1);
     for tick in first.ceil() as i64..=last.floor() as i64 {
-        let (x, _) = at(tick as f64 * 0.1 - origin, 0.0);
+        let (x, _) = at(tick as f64 * 0.1 - way, 0.0);
         drawing.line("ground", (x, ground), (x, ground + 3.0));
     }
     let near = near_legs(trajectory);
@@ -271,7 +276,7 @@ pub fn speed_steps(recorded: &[Recorded<'_>]) -> Figure {
             let (_, right, _, _) = chart.field();
             let per_step = 1e-3 / trajectory.control_dt_s;
             let metres = Axis::exactly("", (y.range.0 * per_step, y.range.1 * per_step));
-            for (value, text) in crate::chart::round_ticks(metres.range, 5.0) {
+            for (value, text) in crate::chart::round_ticks(metres.range, 8.0) {
                 let at = chart.y_at(value / per_step);
                 chart.drawing().text("mut", (right + 6.0, at + 3.8), Anchor::Start, &text);
             }

@@ -9,6 +9,9 @@ use crate::svg::{Anchor, Drawing, text_width_em};
 /// Width of a figure that stands alone in its row.
 pub const WIDTH: f64 = 440.0;
 
+/// Speed below which a cost of transport says nothing, as a share of the fastest gait's.
+const SLOWEST_SHARE: f64 = 0.05;
+
 /// Height of a row.
 const ROW: f64 = 30.0;
 
@@ -67,7 +70,7 @@ pub fn speeds(rows: &[SpeedRow<'_>]) -> Panel {
 /// Summaries as bars from zero, with whiskers.
 pub fn bars(rows: &[SpeedRow<'_>], (low, high): (f64, f64)) -> Panel {
     let subjects: Vec<&Subject> = rows.iter().map(|row| row.subject).collect();
-    let (left, right, row_height) = (name_width(&subjects), WIDTH - 112.0, 22.0);
+    let (left, right, row_height) = (name_width(&subjects), WIDTH - 122.0, 22.0);
     let x_at = |value: f64| left + (value - low) / (high - low) * (right - left);
     let bottom = 4.0 + rows.len() as f64 * row_height;
     let mut drawing = Drawing::default();
@@ -88,7 +91,7 @@ pub fn bars(rows: &[SpeedRow<'_>], (low, high): (f64, f64)) -> Panel {
         drawing.line("whisk rule-solid", (from, y), (to, y));
         let [low, high] = row.interval.map(|end| quantity(end, 2));
         drawing.text("key ink", (right + 6.0, y + 3.8), Anchor::Start, &quantity(row.centre, 2));
-        drawing.text("mut sml", (right + 40.0, y + 3.8), Anchor::Start, &format!("{low} to {high}"));
+        drawing.text("mut sml", (right + 48.0, y + 3.8), Anchor::Start, &format!("{low} to {high}"));
     }
     Panel { body: drawing.into_body(), size: (WIDTH, bottom + 20.0), alt: "speed of each gait".to_owned() }
 }
@@ -162,18 +165,22 @@ pub struct EnergyRow<'a> {
 
 /// Cost of transport against speed.
 pub fn energy(rows: &[EnergyRow<'_>], which: &str) -> Figure {
-    let points = || rows.iter().flat_map(|row| row.points.iter().map(|point| point.0));
+    let fastest = rows.iter().flat_map(|row| &row.points).map(|(point, _)| point[0]).fold(0.0, f64::max);
+    let is_drawn = |point: &[f64; 2]| point[0] >= SLOWEST_SHARE * fastest;
+    let points = || rows.iter().flat_map(|row| row.points.iter().map(|point| point.0)).filter(is_drawn);
     let x = Axis::from_zero("speed [m/s]", points().map(|point| point[0]));
     let y = Axis::from_zero("cost of transport", points().map(|point| point[1]));
     let labels: Vec<&str> = rows.iter().map(|row| row.subject.label.as_str()).collect();
     let mut chart = Chart::new("", (WIDTH, 250.0), &x, &y, &labels);
     for row in rows {
-        for (point, tip) in &row.points {
+        for (point, tip) in row.points.iter().filter(|(point, _)| is_drawn(point)) {
             let at = chart.at(*point);
             chart.drawing().dot(&format!("seed {}", row.subject.tone.fill()), at, 4.2, Some(tip));
         }
         // The name goes to the margin, and a line from there to the gait's fastest point.
-        if let Some((point, _)) = row.points.iter().max_by(|a, b| a.0[0].total_cmp(&b.0[0])) {
+        if let Some((point, _)) =
+            row.points.iter().filter(|(point, _)| is_drawn(point)).max_by(|a, b| a.0[0].total_cmp(&b.0[0]))
+        {
             chart.leader(*point, row.subject.tone, &row.subject.label);
         }
     }
@@ -182,7 +189,7 @@ pub fn energy(rows: &[EnergyRow<'_>], which: &str) -> Figure {
         title: "What the speed costs".to_owned(),
         caption: format!(
             "Mechanical power over weight times speed, braking counted as work, against speed; lower is better. {which} \
-             A gait that does not move forward has no cost of transport and is not drawn."
+             What is slower than a twentieth of the fastest is not drawn: its cost has no bound."
         ),
         groups: vec![alone(chart.finish())],
     }

@@ -97,7 +97,7 @@ pub fn no_std(root: &Path) -> Result<(), Failure> {
 }
 
 /// `cargo COMMAND` on the manifest in `folder`, in the current directory (a relative `CARGO_TARGET_DIR` counts from it).
-fn cargo(folder: &Path, command: &str) -> Command {
+pub fn cargo(folder: &Path, command: &str) -> Command {
     let mut cargo = Command::new(env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
     cargo.arg(command).arg("--manifest-path").arg(folder.join("Cargo.toml"));
     cargo
@@ -111,7 +111,7 @@ pub fn target_dir(root: &Path) -> PathBuf {
     }
 }
 
-fn passed(status: ExitStatus) -> Result<(), Failure> {
+pub fn passed(status: ExitStatus) -> Result<(), Failure> {
     if status.success() { Ok(()) } else { Err(Failure::Called(exit_code(status))) }
 }
 
@@ -122,6 +122,6 @@ fn exit_code(status: ExitStatus) -> u8 {
 
 // By value, for `map_err`.
 #[expect(clippy::needless_pass_by_value)]
-fn cannot_start_cargo(error: std::io::Error) -> Failure {
+pub fn cannot_start_cargo(error: std::io::Error) -> Failure {
     Failure::Task(format!("cannot run cargo: {error}"))
 }

@@ -1,5 +1,6 @@
 //! `cargo xtask`: the tasks of this repository that cargo has no command for.
 
+mod browser;
 mod builds;
 mod equations;
 mod full;
@@ -79,6 +80,7 @@ fn run(task: Option<OsString>, arguments: &[OsString]) -> Result<(), Failure> {
             builds::test(&root)?;
             if full {
                 full::tensorboard(&root)?;
+                browser::test(&root)?;
             }
             Ok(())
         }

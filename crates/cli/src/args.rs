@@ -29,6 +29,8 @@ pub enum Command {
     Eval(EvalArgs),
     /// Compare learned, tuned and default gaits at equal budgets over several seeds
     Compare(CompareArgs),
+    /// Draw runs or a comparison: one HTML page, figures, tables
+    Report(ReportArgs),
     /// List the robots, or explain one
     Robots(RobotsArgs),
     /// Print a preset with the meaning of every value
@@ -145,6 +147,24 @@ pub struct CompareArgs {
     /// Jobs side by side, each on one thread; as many as there are cores if not given
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub threads: Option<u16>,
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  canter report runs/doggo-1-1                     into the run directory itself
+  canter report runs/doggo-* --out several-seeds   several trainings on one page
+  canter report docs/results                       a folder with compare.json
+
+It leaves report.html, which needs no other file and no network, figures/*.svg and tables/*.csv. Figures as PNG files
+need a build with the feature `png`: cargo build --release --package canter --features png.")]
+pub struct ReportArgs {
+    /// Run directories that are finished, or one folder with `compare.json`
+    #[arg(required = true, value_name = "RUN")]
+    pub folders: Vec<PathBuf>,
+    /// Folder for the report; the run directory itself if one run is given without it
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
 }
 
 #[derive(Debug, Args)]

@@ -1,5 +1,6 @@
 //! The one place where errors meet.
 
+use canter_report::ReportError;
 use canter_sim::RobotError;
 use canter_sim::settings::Problems;
 use canter_train::checkpoint::CheckpointError;
@@ -34,6 +35,14 @@ pub enum CliError {
     Checkpoint(#[from] CheckpointError),
     #[error("this policy cannot be used: {0}")]
     Policy(#[from] PolicyError),
+    #[error("cannot report: {0}")]
+    Report(#[from] ReportError),
+    #[error("several runs need a folder for their report; give one with --out DIR")]
+    ReportNeedsOut,
+    #[error(
+        "{0} holds a comparison, which is reported alone and into its own folder; leave out other folders and --out"
+    )]
+    ReportAlone(String),
     #[error("cannot start the worker threads: {0}")]
     Threads(std::io::Error),
     #[error("cannot listen for Ctrl-C: {0}")]

@@ -21,6 +21,7 @@ fn main() -> ExitCode {
         Command::Resume(args) => commands::train::resume(&args),
         Command::Eval(args) => commands::eval::eval(&args),
         Command::Compare(args) => commands::compare::compare(&args),
+        Command::Report(args) => commands::report::report(&args),
         Command::Robots(args) => commands::robots::robots(&args),
         Command::Config(args) => commands::config::config(&args),
     };

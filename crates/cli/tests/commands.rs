@@ -43,10 +43,13 @@ fn a_training_ends_with_a_verdict_and_its_files() {
         "config.toml",
         "eval.json",
         "events.out.tfevents.canter",
+        "figures",
         "lock",
         "metrics.jsonl",
         "policy.safetensors",
+        "report.html",
         "run.json",
+        "tables",
         "trajectories",
     ];
     assert_eq!(names(&run), files);
@@ -54,6 +57,11 @@ fn a_training_ends_with_a_verdict_and_its_files() {
     let learned = json(&fs::read_to_string(run.join("trajectories/learned.json")).unwrap());
     assert_eq!((&learned["label"], &learned["robot"]), (&Value::from("learned gait"), &Value::from("doggo")));
     assert_eq!(names(&run.join("checkpoints")), ["00000000.safetensors", "00000004.safetensors"]);
+    let page = fs::read_to_string(run.join("report.html")).unwrap();
+    assert!(page.contains(&format!("{:.2} <small>m/s</small>", number("/policy/speed_m_per_s"))), "{page}");
+    let said = folder.canter(&["report", "run"]).succeeded();
+    assert!(said.ends_with("Report:   run/report.html\n"), "{said}");
+    assert_eq!(fs::read_to_string(run.join("report.html")).unwrap(), page);
     let metrics = fs::read_to_string(run.join("metrics.jsonl")).unwrap();
     let env_steps: Vec<_> = metrics.lines().map(|line| json(line)["env_steps"].as_u64().unwrap()).collect();
     assert_eq!(env_steps, [128, 256, 384, 512]);

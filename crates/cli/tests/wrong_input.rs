@@ -31,6 +31,31 @@ fn assert_wrong_usage(args: &[&str], start: &str) {
 }
 
 #[test]
+fn a_report_needs_what_it_reports_on() {
+    let folder = TemporaryFolder::new();
+    let said = |args: &[&str]| folder.canter(args).failed_with(1);
+    for name in ["a", "b", "compare"] {
+        fs::create_dir(folder.join(name)).unwrap();
+    }
+    fs::write(folder.join("compare/compare.json"), "{}").unwrap();
+    assert_eq!(
+        said(&["report", "a"]),
+        "error: cannot report: a/eval.json: there is no such file; it comes from `canter train`; `canter resume RUN` \
+         writes it again\n"
+    );
+    assert_eq!(
+        said(&["report", "a", "b"]),
+        "error: several runs need a folder for their report; give one with --out DIR\n"
+    );
+    let alone = "error: compare holds a comparison, which is reported alone and into its own folder; leave out other \
+                 folders and --out\n";
+    assert_eq!(said(&["report", "a", "compare", "--out", "x"]), alone);
+    assert_eq!(said(&["report", "compare", "--out", "x"]), alone);
+    assert!(said(&["report", "compare"]).starts_with("error: cannot report: compare/compare.json: missing field"));
+    assert_eq!(names(folder.path()), ["a", "b", "compare"]);
+}
+
+#[test]
 fn unknown_presets() {
     let message = "no preset is called `doggoo`: there are `doggo`, `paper`; a configuration of your own is given by the path \
                    of its .toml file";

@@ -3,6 +3,7 @@
 pub mod compare;
 pub mod config;
 pub mod eval;
+pub mod report;
 pub mod robots;
 pub mod train;
 

@@ -16,6 +16,7 @@ use canter_train::trajectory::record_all;
 use serde_json::json;
 
 use crate::args::{ResumeArgs, TrainArgs};
+use crate::commands::report::report_finished;
 use crate::commands::workers;
 use crate::error::{CliError, STOPPED};
 use crate::interrupt::Interrupt;
@@ -128,6 +129,7 @@ fn go_on(mut trainer: Trainer, directory: &RunDirectory, workers: &Workers) -> R
     }
     directory.write_json("eval.json", &serde_json::to_value(&verdict).expect("a verdict has string keys only"))?;
     say(&format!("\n{}\n", describe(&verdict)));
+    report_finished(directory.path());
     say(&format!("Policy:   {}", policy_path(directory.path()).display()));
     say(&format!("Numbers:  {run}/eval.json, metrics.jsonl, config.toml, trajectories/"));
     say(&format!("Uphill:   {} eval {run} --slope 5", program()));

@@ -1,0 +1,449 @@
+//! The files that are read, and what has to be true of them. `docs/run-directory.md` and `docs/metrics.md` describe them.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::io::ErrorKind;
+use std::path::{Component, Path, PathBuf};
+
+use serde::Deserialize;
+use serde::de::DeserializeOwned;
+
+use crate::error::ReportError;
+
+/// The version of `compare.json` and of trajectories.
+const VERSION: u64 = 1;
+
+const TRAIN_AGAIN: &str = "it comes from `canter train`; `canter resume RUN` writes it again";
+const COMPARE_AGAIN: &str = "it comes from `canter compare`; run that again";
+const TRAJECTORY_AGAIN: &str = "remove the file to leave its gait out, or record it again";
+
+/// `eval.json`.
+#[derive(Clone, Debug, Deserialize)]
+pub struct Verdict {
+    pub protocol: Protocol,
+    pub policy: Option<GaitReport>,
+    pub prior: GaitReport,
+    pub prior_name: String,
+    pub default_gaits: BTreeMap<String, GaitReport>,
+    pub default_gait: String,
+    pub default_speed_m_per_s: f64,
+    pub speed_ratio: Option<f64>,
+    pub speed_ratio_ci: Option<[f64; 2]>,
+    pub prior_speed_ratio: Option<f64>,
+    pub prior_speed_ratio_ci: Option<[f64; 2]>,
+}
+
+/// How a verdict was measured.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+pub struct Protocol {
+    pub robot: String,
+    pub num_episodes: u64,
+    pub episode_s: f64,
+    pub settle_s: f64,
+    pub seed: u64,
+    pub slope_deg: f64,
+    pub friction: Option<f64>,
+}
+
+/// A gait in `eval.json`.
+#[derive(Clone, Debug, Deserialize)]
+pub struct GaitReport {
+    pub speed_m_per_s: f64,
+    pub speed_ci: [f64; 2],
+    pub displacement_speed_m_per_s: f64,
+    pub falls: u64,
+    pub falls_by_cause: BTreeMap<String, u64>,
+    pub drift_m: f64,
+    pub heading_deg: f64,
+    pub height_std_m: f64,
+    pub power_w: f64,
+    pub cost_of_transport: Option<f64>,
+    pub episode_return: f64,
+    pub speeds_m_per_s: Vec<f64>,
+}
+
+/// A line of `metrics.jsonl`.
+#[derive(Clone, Debug, Deserialize)]
+pub struct Metrics {
+    pub env_steps: u64,
+    pub episode_return: Option<f64>,
+    pub accidents: BTreeMap<String, u64>,
+    pub speed_m_per_s: f64,
+    pub power_w: f64,
+    pub mean_std: f64,
+    pub approx_kl: f64,
+    pub explained_variance: Option<f64>,
+}
+
+/// A file of `trajectories/`: one recorded episode with T steps, L legs, M motors.
+#[derive(Clone, Debug, Deserialize)]
+pub struct Trajectory {
+    pub name: String,
+    pub robot: String,
+    pub legs: Vec<String>,
+    pub control_dt_s: f64,
+    pub settle_s: f64,
+    pub slope_deg: f64,
+    pub terminated: Option<String>,
+    pub leg_length_m: f64,
+    pub max_torque_nm: f64,
+    pub swing_limits_rad: [f64; 2],
+    pub extension_limits_rad: [f64; 2],
+    /// (T) [s]
+    pub time_s: Vec<f64>,
+    /// (T) [cycles]
+    pub phase: Vec<f64>,
+    /// (T) in the ground's frame [m]
+    pub position_m: Vec<[f64; 3]>,
+    /// (T) roll, pitch, yaw [rad]
+    pub orientation_rad: Vec<[f64; 3]>,
+    /// (T x L) in the ground's frame [m]
+    pub hip_m: Vec<Vec<[f64; 3]>>,
+    /// (T x L x 2) in the ground's frame [m]
+    pub knee_m: Vec<Vec<[[f64; 3]; 2]>>,
+    /// (T x L) in the ground's frame [m]
+    pub foot_m: Vec<Vec<[f64; 3]>>,
+    /// (T x L) 1: touches the ground
+    pub contact: Vec<Vec<u8>>,
+    /// (T) contacts of anything but feet with the ground
+    pub body_contact: Vec<u64>,
+    /// (T x L) [rad]
+    pub commanded_swing_rad: Vec<Vec<f64>>,
+    /// (T x L) [rad]
+    pub commanded_extension_rad: Vec<Vec<f64>>,
+    /// (T x L) [rad]
+    pub swing_rad: Vec<Vec<f64>>,
+    /// (T x L) [rad]
+    pub extension_rad: Vec<Vec<f64>>,
+    /// (T x M) [N m]
+    pub torque_nm: Vec<Vec<f64>>,
+}
+
+/// `compare.json`.
+#[derive(Clone, Debug, Deserialize)]
+pub struct Comparison {
+    pub robot: String,
+    pub canter: String,
+    pub quick: bool,
+    pub protocol: ComparisonProtocol,
+    pub default_rung: String,
+    pub rungs: BTreeMap<String, Rung>,
+    pub sweeps: BTreeMap<String, Sweep>,
+    pub claims: Vec<Claim>,
+    pub trajectories: BTreeMap<String, String>,
+}
+
+/// How a comparison was made.
+#[derive(Clone, Debug, Deserialize)]
+pub struct ComparisonProtocol {
+    pub budget_env_steps: u64,
+    pub seeds: Vec<u64>,
+    pub evaluation: Evaluation,
+    pub text: String,
+}
+
+/// How each gait of a comparison was measured.
+#[derive(Clone, Debug, Deserialize)]
+pub struct Evaluation {
+    pub num_episodes: u64,
+    pub episode_s: f64,
+    pub settle_s: f64,
+    pub seed: u64,
+}
+
+/// One way to a gait.
+#[derive(Clone, Debug, Deserialize)]
+pub struct Rung {
+    pub label: String,
+    pub kind: Kind,
+    pub description: String,
+    pub seeds: Vec<SeedResult>,
+    pub speed_iqm: f64,
+    pub speed_ci: [f64; 2],
+    pub return_iqm: f64,
+    pub return_ci: [f64; 2],
+    pub ratio_to_default: Option<Ratio>,
+    pub probability_faster_than_default: Option<f64>,
+    pub probability_faster_than_tuned: Option<f64>,
+}
+
+/// How a rung came to its gait.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Kind {
+    Gait,
+    Tuned,
+    Learned,
+}
+
+/// A ratio of interquartile means with its interval.
+#[derive(Clone, Debug, Deserialize)]
+pub struct Ratio {
+    pub iqm: f64,
+    pub ci: [f64; 2],
+}
+
+/// A rung with one seed.
+#[derive(Clone, Debug, Deserialize)]
+pub struct SeedResult {
+    pub seed: Option<u64>,
+    pub env_steps: u64,
+    pub speed_m_per_s: f64,
+    pub displacement_speed_m_per_s: f64,
+    pub falls: u64,
+    pub num_episodes: u64,
+    pub falls_by_cause: BTreeMap<String, u64>,
+    pub episode_return: f64,
+    pub drift_m: f64,
+    pub heading_deg: f64,
+    pub height_std_m: f64,
+    pub power_w: f64,
+    pub cost_of_transport: Option<f64>,
+    pub speed_per_step_std_m: f64,
+    pub speeds_m_per_s: Vec<f64>,
+    pub return_curve: Vec<[f64; 2]>,
+}
+
+/// One condition that was varied.
+#[derive(Clone, Debug, Deserialize)]
+pub struct Sweep {
+    pub unit: String,
+    pub values: Vec<f64>,
+    pub rungs: BTreeMap<String, SweepCurve>,
+}
+
+/// A rung over the values of a sweep.
+#[derive(Clone, Debug, Deserialize)]
+pub struct SweepCurve {
+    pub speed_m_per_s: Vec<f64>,
+    pub speed_ci: Vec<[f64; 2]>,
+    pub falls_per_episode: Vec<f64>,
+}
+
+/// A row of the claims table.
+#[derive(Clone, Debug, Deserialize)]
+pub struct Claim {
+    pub claim: String,
+    pub source: String,
+    pub paper: String,
+    pub ours: String,
+    pub holds: Option<bool>,
+    pub sentence: String,
+}
+
+/// A run directory as far as a report needs it.
+#[derive(Clone, Debug)]
+pub struct Run {
+    /// Last part of its path.
+    pub name: String,
+    pub path: PathBuf,
+    pub verdict: Verdict,
+    pub metrics: Vec<Metrics>,
+    /// By the gait's name; `learned` is the policy.
+    pub trajectories: BTreeMap<String, Trajectory>,
+}
+
+/// Reads a run directory. Without `trajectories/` it has no trajectories; everything else has to be there.
+pub fn run(path: &Path) -> Result<Run, ReportError> {
+    let verdict_path = path.join("eval.json");
+    let verdict: Verdict = json(&verdict_path, TRAIN_AGAIN)?;
+    if !verdict.default_gaits.contains_key(&verdict.default_gait) {
+        return Err(wrong(
+            &verdict_path,
+            format!("`default_gait` is `{}`, which is none of `default_gaits`", verdict.default_gait),
+            TRAIN_AGAIN,
+        ));
+    }
+    for (name, report) in verdict
+        .default_gaits
+        .iter()
+        .map(|(name, report)| (name.as_str(), report))
+        .chain(verdict.policy.iter().map(|report| ("policy", report)).chain([("prior", &verdict.prior)]))
+    {
+        if report.speeds_m_per_s.len() as u64 != verdict.protocol.num_episodes {
+            let what = format!(
+                "`{name}` has {} speeds for {} episodes",
+                report.speeds_m_per_s.len(),
+                verdict.protocol.num_episodes
+            );
+            return Err(wrong(&verdict_path, what, TRAIN_AGAIN));
+        }
+    }
+    let mut trajectories = BTreeMap::new();
+    let folder = path.join("trajectories");
+    for file in files_of(&folder)? {
+        if file.extension().is_some_and(|extension| extension == "json") {
+            let trajectory = trajectory(&file)?;
+            if trajectory.robot != verdict.protocol.robot {
+                let what = format!("robot `{}`, but the run's is `{}`", trajectory.robot, verdict.protocol.robot);
+                return Err(wrong(&file, what, TRAJECTORY_AGAIN));
+            }
+            trajectories.insert(trajectory.name.clone(), trajectory);
+        }
+    }
+    let name = path.canonicalize().map_err(ReportError::io(path))?;
+    Ok(Run {
+        name: name.file_name().map_or_else(|| "run".to_owned(), |name| name.to_string_lossy().into_owned()),
+        path: path.to_path_buf(),
+        metrics: metrics(&path.join("metrics.jsonl"))?,
+        verdict,
+        trajectories,
+    })
+}
+
+/// Reads a comparison's folder: `compare.json` and the trajectories that it names.
+pub fn comparison(folder: &Path) -> Result<(Comparison, BTreeMap<String, Trajectory>), ReportError> {
+    let path = folder.join("compare.json");
+    let comparison: Comparison = versioned(&path, COMPARE_AGAIN)?;
+    let complain = |what: String| Err(wrong(&path, what, COMPARE_AGAIN));
+    if !comparison.rungs.contains_key(&comparison.default_rung) {
+        return complain(format!("`default_rung` is `{}`, which is none of `rungs`", comparison.default_rung));
+    }
+    for (name, rung) in &comparison.rungs {
+        if rung.seeds.is_empty() {
+            return complain(format!("rung `{name}` has no seeds"));
+        }
+        if let Some(seed) = rung.seeds.iter().find(|seed| seed.falls > seed.num_episodes) {
+            return complain(format!("rung `{name}` has {} falls in {} episodes", seed.falls, seed.num_episodes));
+        }
+        if rung.seeds.iter().any(|seed| seed.return_curve.windows(2).any(|pair| pair[0][0] >= pair[1][0])) {
+            return complain(format!("rung `{name}` has a return_curve whose env_steps do not grow"));
+        }
+    }
+    for (name, sweep) in &comparison.sweeps {
+        if sweep.values.windows(2).any(|pair| pair[0] >= pair[1]) {
+            return complain(format!("the values of sweep `{name}` do not grow"));
+        }
+        for (rung, curve) in &sweep.rungs {
+            if !comparison.rungs.contains_key(rung) {
+                return complain(format!("sweep `{name}` has a rung `{rung}`, which is none of `rungs`"));
+            }
+            let lengths = [curve.speed_m_per_s.len(), curve.speed_ci.len(), curve.falls_per_episode.len()];
+            if lengths.iter().any(|&length| length != sweep.values.len()) {
+                let num_values = sweep.values.len();
+                return complain(format!("sweep `{name}`, rung `{rung}`: {lengths:?} numbers for {num_values} values"));
+            }
+        }
+    }
+    let mut trajectories = BTreeMap::new();
+    for (rung, file) in &comparison.trajectories {
+        if !comparison.rungs.contains_key(rung) {
+            return complain(format!("`trajectories` has a rung `{rung}`, which is none of `rungs`"));
+        }
+        // A file from elsewhere must not put other files of this machine on the page.
+        if file.is_empty() || Path::new(file).components().any(|part| !matches!(part, Component::Normal(_))) {
+            return complain(format!("trajectory {file:?} is not a path below the folder"));
+        }
+        trajectories.insert(rung.clone(), trajectory(&folder.join(file))?);
+    }
+    Ok((comparison, trajectories))
+}
+
+fn metrics(path: &Path) -> Result<Vec<Metrics>, ReportError> {
+    let text = text(path, TRAIN_AGAIN)?;
+    let mut metrics = Vec::new();
+    for (i, line) in text.split_inclusive('\n').enumerate() {
+        match serde_json::from_str(line) {
+            Ok(line) => metrics.push(line),
+            // A process that was killed leaves half a line.
+            Err(_) if !line.ends_with('\n') => {}
+            Err(error) => return Err(wrong(path, format!("line {}: {error}", i + 1), TRAIN_AGAIN)),
+        }
+    }
+    Ok(metrics)
+}
+
+fn trajectory(path: &Path) -> Result<Trajectory, ReportError> {
+    let trajectory: Trajectory = versioned(path, TRAJECTORY_AGAIN)?;
+    let t = &trajectory;
+    let (steps, legs) = (t.time_s.len(), t.legs.len());
+    if steps < 2 || legs == 0 {
+        return Err(wrong(path, format!("{steps} steps of {legs} legs"), TRAJECTORY_AGAIN));
+    }
+    let per_step = [
+        ("phase", t.phase.len()),
+        ("position_m", t.position_m.len()),
+        ("orientation_rad", t.orientation_rad.len()),
+        ("hip_m", t.hip_m.len()),
+        ("knee_m", t.knee_m.len()),
+        ("foot_m", t.foot_m.len()),
+        ("contact", t.contact.len()),
+        ("body_contact", t.body_contact.len()),
+        ("commanded_swing_rad", t.commanded_swing_rad.len()),
+        ("commanded_extension_rad", t.commanded_extension_rad.len()),
+        ("swing_rad", t.swing_rad.len()),
+        ("extension_rad", t.extension_rad.len()),
+        ("torque_nm", t.torque_nm.len()),
+    ];
+    if let Some((name, length)) = per_step.iter().find(|(_, length)| *length != steps) {
+        return Err(wrong(path, format!("`{name}` has {length} rows for {steps} steps"), TRAJECTORY_AGAIN));
+    }
+    let per_leg = [
+        ("hip_m", t.hip_m.iter().all(|row| row.len() == legs)),
+        ("knee_m", t.knee_m.iter().all(|row| row.len() == legs)),
+        ("foot_m", t.foot_m.iter().all(|row| row.len() == legs)),
+        ("contact", t.contact.iter().all(|row| row.len() == legs)),
+        ("commanded_swing_rad", t.commanded_swing_rad.iter().all(|row| row.len() == legs)),
+        ("commanded_extension_rad", t.commanded_extension_rad.iter().all(|row| row.len() == legs)),
+        ("swing_rad", t.swing_rad.iter().all(|row| row.len() == legs)),
+        ("extension_rad", t.extension_rad.iter().all(|row| row.len() == legs)),
+    ];
+    if let Some((name, _)) = per_leg.iter().find(|(_, fits)| !fits) {
+        return Err(wrong(
+            path,
+            format!("a row of `{name}` has not one entry for each of {legs} legs"),
+            TRAJECTORY_AGAIN,
+        ));
+    }
+    let positive =
+        [("control_dt_s", t.control_dt_s), ("leg_length_m", t.leg_length_m), ("max_torque_nm", t.max_torque_nm)];
+    if let Some((name, value)) = positive.iter().find(|(_, value)| *value <= 0.0) {
+        return Err(wrong(path, format!("`{name}` is {value}, expected more than 0"), TRAJECTORY_AGAIN));
+    }
+    Ok(trajectory)
+}
+
+/// The files in a folder, sorted; none if there is no such folder.
+fn files_of(folder: &Path) -> Result<Vec<PathBuf>, ReportError> {
+    let entries = match fs::read_dir(folder) {
+        Err(error) if error.kind() == ErrorKind::NotFound => return Ok(Vec::new()),
+        entries => entries.map_err(ReportError::io(folder))?,
+    };
+    let mut files = Vec::new();
+    for entry in entries {
+        files.push(entry.map_err(ReportError::io(folder))?.path());
+    }
+    files.sort();
+    Ok(files)
+}
+
+fn versioned<T: DeserializeOwned>(path: &Path, advice: &'static str) -> Result<T, ReportError> {
+    #[derive(Deserialize)]
+    struct Versioned {
+        version: u64,
+    }
+    let text = text(path, advice)?;
+    let failed = |source| ReportError::Json { path: path.to_path_buf(), source, advice };
+    // First, because a file of another version may well lack a key.
+    let Versioned { version } = serde_json::from_str(&text).map_err(failed)?;
+    if version != VERSION {
+        return Err(ReportError::Version { path: path.to_path_buf(), found: version, expected: VERSION });
+    }
+    serde_json::from_str(&text).map_err(failed)
+}
+
+fn json<T: DeserializeOwned>(path: &Path, advice: &'static str) -> Result<T, ReportError> {
+    let text = text(path, advice)?;
+    serde_json::from_str(&text).map_err(|source| ReportError::Json { path: path.to_path_buf(), source, advice })
+}
+
+fn text(path: &Path, advice: &'static str) -> Result<String, ReportError> {
+    fs::read_to_string(path).map_err(|source| match source.kind() {
+        ErrorKind::NotFound => ReportError::Missing { path: path.to_path_buf(), advice },
+        _ => ReportError::Io { path: path.to_path_buf(), source },
+    })
+}
+
+fn wrong(path: &Path, what: String, advice: &'static str) -> ReportError {
+    ReportError::Wrong { path: path.to_path_buf(), what, advice }
+}

@@ -26,7 +26,7 @@ impl Painter {
         fonts.load_system_fonts();
         let is_there =
             |name: &&str| fonts.query(&Query { families: &[Family::Name(name)], ..Query::default() }).is_some();
-        if let Some(name) = TYPEFACES.iter().copied().find(|name| is_there(&name)) {
+        if let Some(name) = TYPEFACES.iter().copied().find(is_there) {
             fonts.set_sans_serif_family(name);
         }
         Self { options: Options { fontdb: Arc::new(fonts), ..Options::default() } }

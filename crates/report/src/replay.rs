@@ -15,14 +15,13 @@ pub fn data(recorded: &[Recorded<'_>]) -> String {
         .iter()
         .map(|(subject, trajectory)| {
             let (half_length, half_thickness) = body_box(trajectory);
-            let ways = way_along_heading(trajectory);
             let mut frames: Vec<i64> = Vec::new();
             let mut before: Vec<i64> = Vec::new();
-            for step in 0..trajectory.time_s.len() {
+            for (step, way) in way_along_heading(trajectory).into_iter().enumerate() {
                 let origin = trajectory.position_m[step];
                 let mut now = vec![
                     millimetres(origin[0]),
-                    millimetres(ways[step]),
+                    millimetres(way),
                     millimetres(origin[2]),
                     millimetres(trajectory.orientation_rad[step][1]),
                 ];

@@ -433,7 +433,7 @@ fn what_is_no_run_is_named() {
     common::run_in(&run, &[], 2, Some(1));
     let message = read_policy(&run).unwrap_err().to_string();
     assert!(
-        message.ends_with(": no run directory: it has no policy.safetensors (has the training ended?)"),
+        message.ends_with(": no run directory: it has no policy.safetensors (no policy yet?)"),
         "{message}"
     );
     fs::write(run.join("policy.safetensors"), b"damaged").unwrap();

@@ -102,7 +102,12 @@ fn a_comparison_ends_and_goes_on_after_stops_to_the_same_bytes() {
         assert_ne!(comparison["sweeps"][other]["rungs"]["sine"]["speed_m_per_s"][0], sine[0], "{other}");
     }
     assert_eq!(comparison["claims"].as_array().unwrap().len(), 13);
-    assert_eq!(comparison["trajectories"], serde_json::json!({}));
+    for (rung, path) in comparison["trajectories"].as_object().unwrap() {
+        let text = fs::read_to_string(undisturbed.join(path.as_str().unwrap())).unwrap();
+        let trajectory: Value = serde_json::from_str(&text).unwrap();
+        assert_eq!(trajectory["name"], Value::from(rung.as_str()));
+    }
+    assert_eq!(comparison["trajectories"].as_object().unwrap().len(), 7);
 
     // A learned rung's folder is a run directory; a search leaves its gait.
     let files = common::names(&undisturbed.join("doggo-2"));
@@ -114,6 +119,7 @@ fn a_comparison_ends_and_goes_on_after_stops_to_the_same_bytes() {
         "measured.json",
         "metrics.jsonl",
         "policy.safetensors",
+        "trajectories",
     ];
     assert_eq!(files, expected);
     let tuned: Value =

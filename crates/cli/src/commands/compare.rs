@@ -6,11 +6,12 @@ use canter_train::compare::protocol::{CompareSettings, Rung, RungKind};
 use canter_train::compare::{self, CompareFolder};
 
 use crate::args::CompareArgs;
+use crate::commands::report::report_finished;
 use crate::commands::workers;
 use crate::comparison::describe;
 use crate::error::{CliError, STOPPED};
 use crate::interrupt::Interrupt;
-use crate::output::say;
+use crate::output::{program, say};
 use crate::progress::CompareLine;
 
 /// Budget and seeds of the full comparison.
@@ -38,11 +39,12 @@ pub fn compare(args: &CompareArgs) -> Result<ExitCode, CliError> {
     let outcome = outcome?;
     interrupt.everything_is_saved();
     let Some(comparison) = outcome else {
-        say(&format!("Stopped, saved. Go on with:  canter compare{} --out {shown}", options(args)));
+        say(&format!("Stopped, saved. Go on with:  {} compare{} --out {shown}", program(), options(args)));
         return Ok(ExitCode::from(STOPPED));
     };
     say(&format!("\n{}\n", describe(&comparison)));
     say(&format!("Numbers:  {shown}/compare.json; the rules: docs/protocol.md"));
+    report_finished(folder.path());
     Ok(ExitCode::SUCCESS)
 }
 

@@ -28,9 +28,11 @@ pub fn report(args: &ReportArgs) -> Result<ExitCode, CliError> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// The report that ends a training. A training is not lost with it: what goes wrong is only said.
-pub fn report_finished(run: &Path) {
-    match report_run(&[run.to_path_buf()], run) {
+/// The report that ends a training or a comparison, which is not lost with it: what goes wrong is only said.
+pub fn report_finished(folder: &Path) {
+    let written =
+        if is_comparison(folder) { report_compare(folder) } else { report_run(&[folder.to_path_buf()], folder) };
+    match written {
         Ok(written) => say(&format!("Report:   {}", written.page.display())),
         Err(error) => complain(&format!("there is no report: {error}")),
     }

@@ -18,9 +18,12 @@ use crate::evaluate::Mover;
 use crate::executor::Workers;
 use crate::policy_file::PolicyFile;
 use crate::run::{Ending, train};
-use crate::run_directory::{RunDirectory, RunError, io_error, policy_path, read_config, read_policy, write_whole};
+use crate::run_directory::{
+    RunDirectory, RunError, io_error, policy_path, read_config, read_policy, write_trajectory, write_whole,
+};
 use crate::search::tuned::{Candidate, Objective, Search, SearchState};
 use crate::trainer::Trainer;
+use crate::trajectory::record;
 
 /// Generations of a search between two saves.
 const SAVE_GENERATIONS: u32 = 10;
@@ -65,13 +68,21 @@ pub fn jobs(settings: &CompareSettings) -> Vec<Job> {
     rungs.into_iter().flat_map(jobs_of).collect()
 }
 
+/// Folder in a job's folder that holds its recorded episode.
+pub(super) const TRAJECTORIES: &str = "trajectories";
+
+/// Name of the folder of a rung's job.
+pub(super) fn job_name(rung: Rung, seed: Option<u64>) -> String {
+    match seed {
+        Some(seed) => format!("{}-{seed}", rung.name()),
+        None => rung.name().to_owned(),
+    }
+}
+
 impl Job {
     /// Name of its folder.
     pub fn name(&self) -> String {
-        match self.seed {
-            Some(seed) => format!("{}-{seed}", self.rung.name()),
-            None => self.rung.name().to_owned(),
-        }
+        job_name(self.rung, self.seed)
     }
 
     /// Env steps that it will take if nothing falls.
@@ -106,18 +117,18 @@ impl Job {
         let measured = match self.rung.kind() {
             RungKind::Gait => {
                 fs::create_dir_all(&folder).map_err(|source| io_error(&folder, source))?;
-                self.measure(&task, Mover::Prior, (0, Vec::new()), context, workers)
+                self.measure(&task, Mover::Prior, (0, Vec::new()), context, workers)?
             }
             RungKind::Tuned => {
                 let Some((candidate, env_steps)) = self.tune(&resolved, &folder, context, workers)? else {
                     return Ok(None);
                 };
-                self.measure(&task, Mover::Constant(&candidate.action), (env_steps, Vec::new()), context, workers)
+                self.measure(&task, Mover::Constant(&candidate.action), (env_steps, Vec::new()), context, workers)?
             }
             RungKind::Learned => {
                 let Some(policy) = learn(resolved, &folder, context, workers)? else { return Ok(None) };
                 let result = (policy.card.provenance.env_steps, return_curve(&folder)?);
-                self.measure(&task, Mover::Policy(&policy.policy()), result, context, workers)
+                self.measure(&task, Mover::Policy(&policy.policy()), result, context, workers)?
             }
         };
         if let Some(measured) = &measured {
@@ -127,6 +138,7 @@ impl Job {
         Ok(measured)
     }
 
+    /// Records an episode and measures the gait; none if it was asked to stop.
     fn measure(
         &self,
         task: &Task,
@@ -134,10 +146,13 @@ impl Job {
         (env_steps, return_curve): (u64, Vec<(u64, f64)>),
         context: &Context<'_>,
         workers: &Workers,
-    ) -> Option<Measured> {
+    ) -> Result<Option<Measured>, CompareError> {
+        let evaluation = context.settings.evaluation();
+        let trajectory = record(task, mover, &evaluation, self.rung.name(), self.rung.label());
+        write_trajectory(&context.folder.join(self.name()).join(TRAJECTORIES), &trajectory)?;
         let share = self.rung.is_swept().then_some(self.place);
         let subject = Subject { task, mover, seed: self.seed, env_steps, return_curve, share };
-        subject.measure(context.settings, workers, context.stop, &|env_steps| context.meter.add(env_steps))
+        Ok(subject.measure(context.settings, workers, context.stop, &|env_steps| context.meter.add(env_steps)))
     }
 
     /// Searches for both objectives; the better result and the env steps of both, or none if it was asked to stop.

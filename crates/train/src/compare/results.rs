@@ -6,6 +6,7 @@ use serde::Serialize;
 
 use super::CompareError;
 use super::claims::{Claim, claims};
+use super::job::{TRAJECTORIES, job_name};
 use super::measured::{Measured, RunReport};
 use super::protocol::{CompareSettings, EvaluationCard, Quantity, Rung, RungKind};
 use crate::statistics::{
@@ -202,17 +203,20 @@ impl Comparison {
             rungs,
             sweeps: sweeps.collect(),
             claims: Vec::new(),
-            trajectories: recorded_trajectories(),
+            trajectories: recorded_trajectories(&runs),
         };
         comparison.claims = claims(&comparison);
         Ok(comparison)
     }
 }
 
-/// Recorded episodes by rung, as paths from the comparison's folder. Nothing records them yet: this is the one place
-/// that will say which there are.
-fn recorded_trajectories() -> BTreeMap<Rung, String> {
-    BTreeMap::new()
+/// The recorded episode that stands for each rung, as a path from the comparison's folder: its median run's.
+fn recorded_trajectories(runs: &BTreeMap<Rung, Vec<RunReport>>) -> BTreeMap<Rung, String> {
+    let path = |(rung, own): (&Rung, &Vec<RunReport>)| {
+        let folder = job_name(*rung, median_run(own)?.seed);
+        Some((*rung, format!("{folder}/{TRAJECTORIES}/{}.json", rung.name())))
+    };
+    runs.iter().filter_map(path).collect()
 }
 
 /// The run that stands for a rung in pictures: its speed is the median, the slower one of the middle two.

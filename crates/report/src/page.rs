@@ -6,7 +6,7 @@ use crate::figures::recorded::Recorded;
 use crate::figures::{Figure, Flow, inline};
 use crate::palette::{dark_css, light_css};
 use crate::replay;
-use crate::svg::escape;
+use crate::svg::{escape, prose};
 use crate::tables::Table;
 
 /// A figure that stands large at the top.
@@ -140,12 +140,12 @@ fn section_html(section: &Section, page: &Page<'_>) -> String {
     for part in &section.parts {
         match part {
             Part::Text(text) => {
-                let _ = writeln!(html, "<p class=\"lead\">{}</p>", escape(text));
+                let _ = writeln!(html, "<p class=\"lead\">{}</p>", prose(text));
             }
             Part::Names(names) => {
                 html.push_str("<dl class=\"names\">");
                 for (name, text) in names {
-                    let _ = write!(html, "<dt>{}</dt><dd>{}</dd>", escape(name), escape(text));
+                    let _ = write!(html, "<dt>{}</dt><dd>{}</dd>", escape(name), prose(text));
                 }
                 html.push_str("</dl>\n");
             }

@@ -23,6 +23,21 @@ pub fn escape(text: &str) -> String {
     escaped
 }
 
+/// Text for an HTML element, names in backticks set as code. A backtick without a partner stays what it is.
+pub fn prose(text: &str) -> String {
+    let pieces: Vec<&str> = text.split('`').collect();
+    let paired = pieces.len() - (pieces.len() + 1) % 2;
+    let mut html = String::new();
+    for (i, piece) in pieces.iter().enumerate() {
+        match (i % 2, i < paired) {
+            (1, true) => html += &format!("<code>{}</code>", escape(piece)),
+            (_, true) => html += &escape(piece),
+            (_, false) => html += &format!("`{}", escape(piece)),
+        }
+    }
+    html
+}
+
 /// A coordinate: at most two decimals, no trailing zeros, no minus before zero.
 pub fn coordinate(value: f64) -> String {
     let text = format!("{value:.2}");
@@ -131,6 +146,14 @@ fn path(points: &[(f64, f64)]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn names_in_backticks_become_code_and_stay_harmless() {
+        assert_eq!(prose("`a<b` and `c`."), "<code>a&lt;b</code> and <code>c</code>.");
+        assert_eq!(prose("one ` alone"), "one ` alone");
+        assert_eq!(prose("`a` and ` alone"), "<code>a</code> and ` alone");
+        assert_eq!(prose("plain"), "plain");
+    }
 
     #[test]
     fn text_cannot_leave_its_element() {

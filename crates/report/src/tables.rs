@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use crate::chart::quantity;
 use crate::palette::Tone;
-use crate::svg::escape;
+use crate::svg::{escape, prose};
 
 /// What stands in a cell.
 #[derive(Clone, Debug)]
@@ -119,7 +119,7 @@ impl Table {
 impl Cell {
     fn html(&self) -> String {
         match self {
-            Self::Text(text) => format!("<td>{}</td>", escape(text)),
+            Self::Text(text) => format!("<td>{}</td>", prose(text)),
             Self::Gait(name, tone) => format!(
                 "<th scope=\"row\"><svg class=\"chip\" viewBox=\"0 0 10 10\" aria-hidden=\"true\"><circle class=\"{}\" \
                  cx=\"5\" cy=\"5\" r=\"5\"/></svg>{}</th>",

@@ -123,8 +123,8 @@ Examples:
   canter compare --seeds 3 --budget 500000         another protocol
   canter compare --rungs tuned,doggo --out runs/x  only these beside the default gaits
 
-The rungs: sine and stepping (the default gaits, always there), tuned (the best constant parameters),
-direct and direct-best (learned without a prior), paper and doggo (learned with it).
+The rungs: sine and stepping (the default gaits, always there), tuned (the best constant
+parameters), direct and direct-best (learned without a prior), paper and doggo (learned with it).
 The rules are in docs/protocol.md.
 
 Ctrl-C saves and stops; the same command with the folder as --out goes on.")]

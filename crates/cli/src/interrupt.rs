@@ -27,7 +27,7 @@ impl Interrupt {
             if shared.is_saved.load(Ordering::Relaxed) || shared.stop.swap(true, Ordering::Relaxed) {
                 std::process::exit(i32::from(STOPPED));
             }
-            complain("\nstopping as soon as all is saved; once more stops at once, back to what was saved before");
+            complain("\nstopping after this iteration; once more stops at once, back to the last checkpoint");
         })?;
         Ok(interrupt)
     }

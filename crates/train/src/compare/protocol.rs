@@ -282,7 +282,7 @@ impl CompareSettings {
             seeds: (1..=num_seeds).collect(),
             rungs: Rung::ALL.to_vec(),
             evaluation: EvaluationCard { num_episodes: 20, episode_s: 10.0, settle_s: 1.0, seed: 0 },
-            // With the same budget twice as many episodes or twice as long ones found slower gaits.
+            // Two episodes of a candidate, and so half as many generations, found slower gaits on seed 1.
             search: SearchCard { num_episodes: 1, episode_s: 5.0 },
             sweeps: vec![
                 sweep(Quantity::Slope, &[-20.0, -15.0, -10.0, -5.0, 0.0, 5.0, 10.0, 15.0, 20.0, 25.0]),

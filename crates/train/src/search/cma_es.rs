@@ -1,7 +1,7 @@
 //! CMA-ES: a search that learns which directions are worth trying, from the order of its candidates alone.
 //!
 //! Own code, because the crates that there are bring a linear-algebra library and a random generator of their own, and
-//! none can be stopped and resumed to the same bytes. Names and equation numbers are those of Hansen 2016, "The CMA
+//! none can be stopped and resumed to the same bytes. Names are those of Hansen 2016, "The CMA
 //! Evolution Strategy: A Tutorial", arXiv 1604.00772.
 
 use serde::{Deserialize, Serialize};
@@ -42,7 +42,7 @@ impl StrategyParameters {
     /// E|N| = sqrt(n) (1 - 1 / (4 n) + 1 / (21 n^2))
     /// ```
     ///
-    /// Source: Hansen 2016, equations 49 to 58, Table 1.
+    /// Source: Hansen 2016, appendix A, Table 1.
     pub fn new(n: usize) -> Self {
         let dimension = n as f64;
         let lambda = 4 + (3.0 * dimension.ln()).floor() as usize;
@@ -58,7 +58,7 @@ impl StrategyParameters {
         let c_mu = (1.0 - c_1).min(2.0 * (0.25 + mu_eff + 1.0 / mu_eff - 2.0) / ((dimension + 2.0).powi(2) + mu_eff));
         let positive: f64 = raw.iter().filter(|weight| **weight > 0.0).sum();
         let negative: f64 = -raw.iter().filter(|weight| **weight < 0.0).sum::<f64>();
-        // Equations 50 to 52: the negative weights keep the covariance positive definite.
+        // As much as keeps the covariance positive definite.
         let negative_scale = (1.0 + c_1 / c_mu)
             .min(1.0 + 2.0 * mu_eff_negative / (mu_eff + 2.0))
             .min((1.0 - c_1 - c_mu) / (dimension * c_mu));
@@ -114,7 +114,7 @@ impl CmaEs {
     /// x = m + sigma B D z,  C = B D^2 B',  z ~ N(0, I)
     /// ```
     ///
-    /// Source: Hansen 2016, equations 38 to 40.
+    /// Source: Hansen 2016, appendix A: sampling.
     pub fn sample(&self, parameters: &StrategyParameters, normal: &mut dyn FnMut() -> f64) -> Vec<Vec<f64>> {
         let n = self.mean.len();
         let (variances, basis) = self.decompose();
@@ -137,7 +137,7 @@ impl CmaEs {
     /// h = 1 if |p_sigma| / sqrt(1 - (1 - c_sigma)^(2 (g + 1))) < (1.4 + 2 / (n + 1)) E|N|, else 0
     /// ```
     ///
-    /// Source: Hansen 2016, equations 41 to 47.
+    /// Source: Hansen 2016, appendix A: selection and recombination, step-size control, covariance matrix adaptation.
     pub fn update(&mut self, parameters: &StrategyParameters, ranked: &[Vec<f64>]) {
         let n = self.mean.len();
         let StrategyParameters { weights, mu, mu_eff, c_sigma, d_sigma, c_c, c_1, c_mu, chi_n } = parameters;

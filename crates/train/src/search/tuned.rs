@@ -15,7 +15,7 @@ use crate::executor::Workers;
 use crate::search::cma_es::{CmaEs, StrategyParameters, fold};
 use crate::statistics::mean;
 
-/// Step size at the start, in a box from -1 to 1 about the prior at 0. Hansen 2016 (section B.6) has 0.3 times the
+/// Step size at the start, in a box from -1 to 1 about the prior at 0. Hansen 2016 (appendix A) has 0.3 times the
 /// box's width for a search that knows nothing; one that begins at a gait that walks takes half of that.
 const INITIAL_SIGMA: f64 = 0.3;
 

@@ -228,7 +228,7 @@ fn an_interrupted_training_is_saved_and_ends_like_an_undisturbed_one() {
         assert!(finished.stdout.ends_with(&way_on), "{finished:?}");
         assert_eq!(
             finished.stderr,
-            "\nstopping as soon as all is saved; once more stops at once, back to what was saved before\n"
+            "\nstopping after this iteration; once more stops at once, back to the last checkpoint\n"
         );
         let run = folder.join(run);
         assert_eq!(names(&run), ["checkpoints", "config.toml", "events.out.tfevents.canter", "lock", "metrics.jsonl"]);

@@ -341,7 +341,8 @@ impl Env {
         self.orientation_in_ground()[2]
     }
 
-    /// Says which feet touch the ground, and counts the contacts of anything else with it, as of the last physics step.
+    /// Says which feet touch the ground, and counts the contacts of anything else with it, as of the last physics step
+    /// or [`snapshot`](Self::snapshot).
     ///
     /// # Shapes
     /// - `feet`: `(L)`

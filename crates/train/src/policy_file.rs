@@ -13,9 +13,6 @@ pub const FORMAT_VERSION: u32 = 1;
 /// Observations of the built-in test vector.
 const NUM_TEST_VECTORS: usize = 4;
 
-/// Layers are named as in `actor.0.weight`, `(inputs x outputs)`, and `actor.0.bias`.
-const NUM_LAYERS: usize = 3;
-
 /// The metadata: what is not an array. Keys are sorted in the file.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PolicyCard {
@@ -193,6 +190,7 @@ impl PolicyFile {
         // By way of a `Value`, whose keys are sorted.
         let card = serde_json::to_value(&self.card).expect("a card has string keys only");
         let mut file = TensorFile::new(card.to_string());
+        // Layers are named as in `actor.0.weight`, `(inputs x outputs)`, and `actor.0.bias`.
         for (i, layer) in self.shape.layers().into_iter().enumerate() {
             let weights = &self.parameters[layer.weights..layer.biases];
             file.push(&format!("actor.{i}.weight"), &[layer.inputs, layer.outputs], weights);
@@ -227,7 +225,7 @@ impl PolicyFile {
         let (_, output) = shape_of("actor.2.weight")?;
         let shape = NetworkShape { input, hidden, output };
         let mut parameters = Vec::new();
-        for (i, layer) in shape.layers().into_iter().enumerate().take(NUM_LAYERS) {
+        for (i, layer) in shape.layers().into_iter().enumerate() {
             parameters.extend(file.get::<f32>(&format!("actor.{i}.weight"), &[layer.inputs, layer.outputs])?);
             parameters.extend(file.get::<f32>(&format!("actor.{i}.bias"), &[layer.outputs])?);
         }

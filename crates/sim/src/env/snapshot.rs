@@ -50,18 +50,7 @@ impl Env {
         self.simulation.update_contacts();
         let robot = &self.task.robot;
         let mut touches = vec![false; robot.legs.len()];
-        let mut num_body_contacts = 0;
-        for [first, second] in self.simulation.contacts() {
-            let other = match robot.floor {
-                floor if floor == first => second,
-                floor if floor == second => first,
-                _ => continue,
-            };
-            match robot.leg_addresses.iter().position(|address| address.foot == other) {
-                Some(leg) => touches[leg] = true,
-                None => num_body_contacts += 1,
-            }
-        }
+        let num_body_contacts = self.ground_contacts(&mut touches);
         let joints = self.simulation.joint_positions_in_world();
         let geoms = self.simulation.geom_positions_in_world();
         let legs = robot.leg_addresses.iter().zip(touches).zip(self.leg_positions());

@@ -26,6 +26,7 @@ use canter_learn::rollout::Rollout;
 use canter_sim::Task;
 use canter_sim::forward::fastest_forward;
 use canter_sim::mujoco::Simulation;
+use canter_sim::task::Randomisation;
 use canter_train::config::{Resolved, open_preset, resolve};
 use canter_train::environment::TrainingEnvironment;
 use canter_train::executor::Workers;
@@ -123,6 +124,8 @@ fn compare(trainer: &Trainer, iterations: &[IterationReport], rounds: u32) -> Ve
         forward: fastest_forward(),
     };
     let num_environments = config.training.num_environments as u64;
+    // The bare simulation stands on level ground all the time.
+    let task = &Arc::new(Task { randomisation: Randomisation::default(), ..Task::clone(task) });
     // Another seed than the training's: starts that it has not seen.
     let seed = config.seed + 1;
     let mut columns: Vec<Column> =

@@ -34,6 +34,8 @@ pub struct StepOutcome {
 pub struct Env {
     task: Arc<Task>,
     simulation: Simulation,
+    /// Slope of the ground in this episode, positive uphill [rad].
+    slope_rad: f64,
     clock: PhaseClock,
     /// `(A)` the action of the step before, clamped.
     previous_action: Vec<f32>,
@@ -77,12 +79,14 @@ impl Env {
 
     /// An environment on a simulation that the caller has prepared: what-if studies of the model's numbers.
     ///
-    /// The task's time step, slope and friction are the caller's to set.
+    /// The task's time step, slope and friction are the caller's to set; a slope that the task draws for each episode
+    /// replaces the caller's.
     pub fn with_simulation(task: Arc<Task>, simulation: Simulation) -> Self {
         let num_motors = 2 * task.robot.legs.len();
         let delay = task.robot.settings.command_delay_steps as usize;
         Self {
             simulation,
+            slope_rad: task.settings.slope_deg.to_radians(),
             clock: PhaseClock::default(),
             previous_action: vec![0.0; task.num_actions()],
             commands: (0..=delay).map(|_| vec![0.0; num_motors]).collect(),
@@ -126,6 +130,11 @@ impl Env {
         self.stuck = StuckTimer::default();
         self.env_steps = 0;
         self.return_so_far = 0.0;
+        if let Some([low, high]) = self.task.randomisation.slope_rad {
+            let is_randomised = uniform() < self.task.randomisation.share;
+            let drawn_rad = low + (high - low) * uniform();
+            self.tilt(if is_randomised { drawn_rad } else { self.task.settings.slope_deg.to_radians() });
+        }
 
         let [roll, pitch, yaw] = [noise(uniform), noise(uniform), noise(uniform)];
         let ground_from_body = frame::from_euler(roll, pitch, yaw);
@@ -154,6 +163,12 @@ impl Env {
         // The ground is the plane z = 0.
         self.simulation.qpos_mut()[root + 2] -= lowest_foot_m;
         self.observe(observation);
+    }
+
+    /// Gives the ground this slope [rad].
+    fn tilt(&mut self, slope_rad: f64) {
+        self.slope_rad = slope_rad;
+        self.simulation.set_gravity(frame::gravity_in_ground(self.task.robot.model.gravity(), slope_rad));
     }
 
     /// One control step with the policy's action.
@@ -263,7 +278,7 @@ impl Env {
         let (_, root_velocity) = robot.root;
         // MuJoCo gives a free joint's angular velocity in the body's own frame.
         self.sensed.angular_velocity_in_body = std::array::from_fn(|axis| qvel[root_velocity + 3 + axis] as f32);
-        let gravity_from_ground = frame::from_euler(0.0, -self.task.settings.slope_deg.to_radians(), 0.0);
+        let gravity_from_ground = frame::from_euler(0.0, -self.slope_rad, 0.0);
         let gravity_from_body = frame::multiply(&gravity_from_ground, &self.ground_from_body());
         self.sensed.orientation = frame::to_euler(&gravity_from_body).map(|angle| angle as f32);
         self.task.controller().observe(&self.sensors(), &self.clock, &self.previous_action, observation);
@@ -385,8 +400,13 @@ impl Env {
 
     /// Everything that the next step depends on.
     pub fn state(&self) -> Vec<f64> {
-        let mut state =
-            vec![f64::from(self.clock.phase()), f64::from(self.env_steps), self.return_so_far, self.stuck.seconds()];
+        let mut state = vec![
+            f64::from(self.clock.phase()),
+            f64::from(self.env_steps),
+            self.return_so_far,
+            self.stuck.seconds(),
+            self.slope_rad,
+        ];
         state.extend(self.previous_action.iter().map(|&value| f64::from(value)));
         state.extend(self.commands.iter().flatten().map(|&value| f64::from(value)));
         state.extend(self.simulation.state());
@@ -399,7 +419,7 @@ impl Env {
     /// A state of another length is refused; the environment must then be reset before it is used.
     pub fn set_state(&mut self, state: &[f64], observation: &mut [f32]) -> Result<(), String> {
         let num_motors = 2 * self.task.robot.legs.len();
-        let own = 4 + self.previous_action.len() + self.commands.len() * num_motors;
+        let own = 5 + self.previous_action.len() + self.commands.len() * num_motors;
         let Some((own, physics)) = state.split_at_checked(own) else {
             return Err(format!("{} numbers are too few for an environment's state", state.len()));
         };
@@ -408,8 +428,11 @@ impl Env {
         self.env_steps = own[1] as u32;
         self.return_so_far = own[2];
         self.stuck = StuckTimer::at(own[3]);
+        if self.task.randomisation.slope_rad.is_some() {
+            self.tilt(own[4]);
+        }
         let rest = self.previous_action.iter_mut().chain(self.commands.iter_mut().flatten());
-        for (target, value) in rest.zip(&own[4..]) {
+        for (target, value) in rest.zip(&own[5..]) {
             *target = *value as f32;
         }
         self.observe(observation);

@@ -277,6 +277,12 @@ impl Simulation {
         unsafe { self.data.model_mut() }.jnt_actfrcrange_mut()[joint] = range;
     }
 
+    /// Sets gravity from the next step on [m/s^2].
+    pub fn set_gravity(&mut self, gravity: [f64; 3]) {
+        // SAFETY: only three numbers of the model change; no size, index or address does.
+        unsafe { self.data.model_mut() }.opt_mut().gravity = gravity;
+    }
+
     /// Positions of the geoms' centres in the world as of the last step, `(ngeom x 3)` [m].
     pub fn geom_positions_in_world(&self) -> &[[f64; 3]] {
         self.data.geom_xpos()

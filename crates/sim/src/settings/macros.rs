@@ -3,7 +3,8 @@
 /// Declares a struct that is a TOML table: each field is a key, in this order.
 ///
 /// A number, or an `Option` or `Vec` of numbers, may have a range after `in`; see also
-/// [`above`](crate::settings::above). A field without `Option` must be in the file.
+/// [`above`](crate::settings::above). A field without `Option` must be in the file. A table may be missing if each of
+/// its fields may.
 ///
 /// ```
 /// # use canter_sim::settings;
@@ -70,6 +71,10 @@ macro_rules! settings {
                         )
                     ),*
                 ])
+            }
+
+            fn absent() -> Option<Self> {
+                Some(Self { $( $field: <$Type $(< $Inner >)? as $crate::settings::Setting>::absent()?, )* })
             }
         }
     };

@@ -236,6 +236,18 @@ def check_replay(browser):
     browser.evaluate("document.getElementById('replay-play').click()")
 
 
+def check_grounds(browser):
+    shown = (
+        "[...document.querySelectorAll('.gait')].filter(card => !card.hidden && card.offsetHeight > 0)"
+        ".map(card => card.querySelector('svg g').getAttribute('transform'))"
+    )
+    level = browser.evaluate(shown)
+    check(level and set(level) == {"rotate(0)"}, f"the replay begins on {level}, not on level ground")
+    browser.evaluate("document.querySelector('input[name=replay-ground][value=\"20\"]').click()")
+    uphill = browser.evaluate(shown)
+    check(uphill and set(uphill) == {"rotate(-20)"}, f"the replay shows {uphill} for 20 degrees uphill")
+
+
 RECORDED = ["film-strip", "footfall", "foot-paths", "speed-per-step", "torque", "leg-space"]
 FIGURES = {
     "run": ["ladder", "learning", "energy", "falls", *RECORDED],
@@ -270,6 +282,10 @@ def main():
                         if name == "compare":
                             check_comparison_numbers(browser, folder / name)
                         check_replay(browser)
+                        if name == "compare":
+                            check_grounds(browser)
+                            if shots:
+                                browser.screenshot(shots / "compare-uphill.png", "#replay")
                     background = browser.evaluate("getComputedStyle(document.body).backgroundColor")
                     is_dark = sum(int(part) for part in background.strip("rgb()").split(",")) < 200
                     check(is_dark == (scheme == "dark"), f"{page} in {scheme} has the ground {background}")

@@ -26,7 +26,6 @@ use canter_learn::rollout::Rollout;
 use canter_sim::Task;
 use canter_sim::forward::fastest_forward;
 use canter_sim::mujoco::Simulation;
-use canter_sim::task::Randomisation;
 use canter_train::config::{Resolved, open_preset, resolve};
 use canter_train::environment::TrainingEnvironment;
 use canter_train::executor::Workers;
@@ -124,8 +123,6 @@ fn compare(trainer: &Trainer, iterations: &[IterationReport], rounds: u32) -> Ve
         forward: fastest_forward(),
     };
     let num_environments = config.training.num_environments as u64;
-    // The bare simulation stands on level ground all the time.
-    let task = &Arc::new(Task { randomisation: Randomisation::default(), ..Task::clone(task) });
     // Another seed than the training's: starts that it has not seen.
     let seed = config.seed + 1;
     let mut columns: Vec<Column> =
@@ -160,7 +157,7 @@ struct Column {
 
 impl Column {
     fn new(task: &Arc<Task>, seed: u64, index: u64, horizon: usize) -> Self {
-        let mut environment = TrainingEnvironment::new(task.clone(), seed, index);
+        let mut environment = TrainingEnvironment::new(task.clone(), seed, index, 1);
         Self {
             collector: CollectorState::start(&mut environment),
             rollout: Rollout::new(1, horizon, task.num_observations(), task.num_actions()),

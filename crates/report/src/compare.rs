@@ -11,7 +11,7 @@ use crate::figures::rows::{self, EnergyRow, FallRow, SpeedRow};
 use crate::figures::{Figure, Subject};
 use crate::page::{BigNumber, Page, Part, Section, html};
 use crate::palette::{Tone, rung_order};
-use crate::read::{self, Comparison, Kind, SeedResult, Sweep};
+use crate::read::{self, Comparison, Kind, SeedResult, Sweep, Trajectory};
 use crate::statistics::mean;
 use crate::tables::{Cell, Table, grouped};
 use crate::{Written, falls, recorded_figures, write};
@@ -28,10 +28,8 @@ pub fn report(folder: &Path) -> Result<Written, ReportError> {
         .iter()
         .find(|(subject, _)| subject.key == comparison.default_rung)
         .expect("checked when the comparison was read");
-    let recorded: Vec<Recorded<'_>> = subjects
-        .iter()
-        .filter_map(|subject| trajectories.get(&subject.key).map(|trajectory| (subject, trajectory)))
-        .collect();
+    let recorded = with_trajectory(&subjects, &trajectories.level);
+    let replayed = [recorded.clone(), with_trajectory(&subjects, &trajectories.uphill)].concat();
     let evaluation = &comparison.protocol.evaluation;
     let num_seeds = comparison.protocol.seeds.len();
     let which = format!(
@@ -83,7 +81,7 @@ pub fn report(folder: &Path) -> Result<Written, ReportError> {
         sections: sections(&comparison),
         figures: &figures,
         tables: &tables,
-        recorded: &recorded,
+        recorded: &replayed,
         protocol: protocol_text(&comparison),
     });
     write::report(folder, &page, &figures, &tables)?;
@@ -102,6 +100,12 @@ fn subjects(comparison: &Comparison) -> Vec<Subject> {
             tone: Tone::of_gait(key, i),
         })
         .collect()
+}
+
+/// The rungs that have a recorded episode, with it.
+fn with_trajectory<'a>(subjects: &'a [Subject], trajectories: &'a BTreeMap<String, Trajectory>) -> Vec<Recorded<'a>> {
+    let of_subject = |subject: &'a Subject| Some((subject, trajectories.get(&subject.key)?));
+    subjects.iter().filter_map(of_subject).collect()
 }
 
 fn verdict(rungs: &[Placed<'_>], default: &Placed<'_>) -> (String, Vec<BigNumber>) {

@@ -7,6 +7,7 @@
   const scrub = document.getElementById('replay-scrub');
   const clock = document.getElementById('replay-clock');
   const speeds = document.querySelectorAll('input[name="replay-speed"]');
+  const grounds = document.querySelectorAll('input[name="replay-ground"]');
   const svg = (name, classes, parent) => {
     const element = document.createElementNS('http://www.w3.org/2000/svg', name);
     element.setAttribute('class', classes);
@@ -44,20 +45,25 @@
     gait.state = document.createElement('span');
     head.append(name, gait.state);
     const view = document.createElementNS('http://www.w3.org/2000/svg', 'svg');
-    view.setAttribute('viewBox', [-half, -height, 2 * half, height + 46].join(' '));
+    // An uphill looks like one: the whole picture turns about the place where the robot stands.
+    const rise = half * Math.sin(Math.abs(gait.slope) * Math.PI / 180);
+    view.setAttribute('viewBox', [-half, -height - rise, 2 * half, height + 46 + 2 * rise].join(' '));
     view.setAttribute('role', 'img');
     view.setAttribute('aria-label', 'side view of ' + gait.label);
-    gait.ground = svg('path', 'ground', view);
-    gait.marks = svg('g', 'marks', view);
+    const scene = svg('g', '', view);
+    scene.setAttribute('transform', 'rotate(' + -gait.slope + ')');
+    gait.ground = svg('path', 'ground', scene);
+    gait.marks = svg('g', 'marks', scene);
     const stroke = ' s' + gait.tone, fill = 'f' + gait.tone;
-    const limb = (leg) => svg('path', (gait.near[leg] ? 'limb' : 'far') + stroke, view);
-    const foot = (leg) => svg('circle', fill + (gait.near[leg] ? '' : ' dim'), view);
+    const limb = (leg) => svg('path', (gait.near[leg] ? 'limb' : 'far') + stroke, scene);
+    const foot = (leg) => svg('circle', fill + (gait.near[leg] ? '' : ' dim'), scene);
     const legs = gait.near.map((near, leg) => leg);
     gait.parts = [];
     for (const leg of legs.filter((leg) => !gait.near[leg])) gait.parts[leg] = { limb: limb(leg), foot: foot(leg) };
-    gait.body = svg('path', 'box' + stroke + ' ' + fill, view);
+    gait.body = svg('path', 'box' + stroke + ' ' + fill, scene);
     for (const leg of legs.filter((leg) => gait.near[leg])) gait.parts[leg] = { limb: limb(leg), foot: foot(leg) };
     card.append(head, view);
+    gait.card = card;
     stage.append(card);
   }
 
@@ -100,6 +106,13 @@
     }
     clock.textContent = time.toFixed(2) + ' s';
   };
+
+  const choose = () => {
+    const chosen = document.querySelector('input[name="replay-ground"]:checked');
+    for (const gait of gaits) gait.card.hidden = chosen !== null && Number(chosen.value) !== gait.slope;
+  };
+  grounds.forEach((ground) => ground.addEventListener('change', choose));
+  choose();
 
   let time = 0, playing = false, before = null, request = null;
   const show = () => { scrub.value = time; draw(time); };

@@ -205,6 +205,19 @@ fn replay_html(recorded: &[Recorded<'_>]) -> String {
             "<label><input type=\"radio\" name=\"replay-speed\" value=\"{value}\"{checked}>{name}</label>"
         );
     }
+    let mut slopes_deg: Vec<f64> = recorded.iter().map(|(_, trajectory)| trajectory.slope_deg).collect();
+    slopes_deg.dedup();
+    if slopes_deg.len() > 1 {
+        html.push_str("</fieldset><fieldset aria-label=\"ground\">");
+        for (i, slope_deg) in slopes_deg.into_iter().enumerate() {
+            let name = if slope_deg == 0.0 { "level".to_owned() } else { format!("{slope_deg}\u{b0} uphill") };
+            let checked = if i == 0 { " checked" } else { "" };
+            let _ = write!(
+                html,
+                "<label><input type=\"radio\" name=\"replay-ground\" value=\"{slope_deg}\"{checked}>{name}</label>"
+            );
+        }
+    }
     let _ = write!(
         html,
         "</fieldset></div>\n<div id=\"replay-stage\"></div>\n<noscript><p class=\"note\">The replay needs \

@@ -131,6 +131,16 @@ pub struct Comparison {
     pub sweeps: BTreeMap<String, Sweep>,
     pub claims: Vec<Claim>,
     pub trajectories: BTreeMap<String, String>,
+    pub uphill_trajectories: BTreeMap<String, String>,
+}
+
+/// The recorded episodes of a comparison, by rung.
+#[derive(Clone, Debug)]
+pub struct ComparedTrajectories {
+    /// On level ground.
+    pub level: BTreeMap<String, Trajectory>,
+    /// On a slope.
+    pub uphill: BTreeMap<String, Trajectory>,
 }
 
 /// How a comparison was made.
@@ -292,10 +302,11 @@ pub fn run(path: &Path) -> Result<Run, ReportError> {
 }
 
 /// Reads a comparison's folder: `compare.json` and the trajectories that it names.
-pub fn comparison(folder: &Path) -> Result<(Comparison, BTreeMap<String, Trajectory>), ReportError> {
+pub fn comparison(folder: &Path) -> Result<(Comparison, ComparedTrajectories), ReportError> {
     let path = folder.join("compare.json");
     let comparison: Comparison = versioned(&path, COMPARE_AGAIN)?;
-    let complain = |what: String| Err(wrong(&path, what, COMPARE_AGAIN));
+    let refusal = |what: String| wrong(&path, what, COMPARE_AGAIN);
+    let complain = |what: String| Err(refusal(what));
     if !comparison.rungs.contains_key(&comparison.default_rung) {
         return complain(format!("`default_rung` is `{}`, which is none of `rungs`", comparison.default_rung));
     }
@@ -325,17 +336,22 @@ pub fn comparison(folder: &Path) -> Result<(Comparison, BTreeMap<String, Traject
             }
         }
     }
-    let mut trajectories = BTreeMap::new();
-    for (rung, file) in &comparison.trajectories {
-        if !comparison.rungs.contains_key(rung) {
-            return complain(format!("`trajectories` has a rung `{rung}`, which is none of `rungs`"));
+    let read = |files: &BTreeMap<String, String>| {
+        let mut trajectories = BTreeMap::new();
+        for (rung, file) in files {
+            if !comparison.rungs.contains_key(rung) {
+                return Err(refusal(format!("`trajectories` has a rung `{rung}`, which is none of `rungs`")));
+            }
+            // A file from elsewhere must not put other files of this machine on the page.
+            if file.is_empty() || Path::new(file).components().any(|part| !matches!(part, Component::Normal(_))) {
+                return Err(refusal(format!("trajectory {file:?} is not a path below the folder")));
+            }
+            trajectories.insert(rung.clone(), trajectory(&folder.join(file))?);
         }
-        // A file from elsewhere must not put other files of this machine on the page.
-        if file.is_empty() || Path::new(file).components().any(|part| !matches!(part, Component::Normal(_))) {
-            return complain(format!("trajectory {file:?} is not a path below the folder"));
-        }
-        trajectories.insert(rung.clone(), trajectory(&folder.join(file))?);
-    }
+        Ok(trajectories)
+    };
+    let trajectories =
+        ComparedTrajectories { level: read(&comparison.trajectories)?, uphill: read(&comparison.uphill_trajectories)? };
     Ok((comparison, trajectories))
 }
 

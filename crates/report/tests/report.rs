@@ -184,6 +184,7 @@ fn the_same_files_give_the_same_bytes_and_old_figures_go() {
     fs::write(first.join("figures/mine.svg"), "").unwrap();
     let mut without = comparison();
     without["trajectories"] = json!({});
+    without["uphill_trajectories"] = json!({});
     without["sweeps"] = json!({});
     without["quick"] = json!(true);
     write_json(&first.join("compare.json"), &without);

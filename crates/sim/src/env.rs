@@ -12,7 +12,7 @@ use crate::frame::{self, Matrix3};
 use crate::mujoco::Simulation;
 use crate::reward::{Motion, RewardTerms, accident_penalty, mechanical_work_j};
 use crate::robot::Robot;
-use crate::task::Task;
+use crate::task::{Task, TaskSettings};
 
 /// What one env step brought.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -79,8 +79,7 @@ impl Env {
 
     /// An environment on a simulation that the caller has prepared: what-if studies of the model's numbers.
     ///
-    /// The task's time step, slope and friction are the caller's to set; a slope that the task draws for each episode
-    /// replaces the caller's.
+    /// The task's time step, slope and friction are the caller's to set.
     pub fn with_simulation(task: Arc<Task>, simulation: Simulation) -> Self {
         let num_motors = 2 * task.robot.legs.len();
         let delay = task.robot.settings.command_delay_steps as usize;
@@ -130,11 +129,6 @@ impl Env {
         self.stuck = StuckTimer::default();
         self.env_steps = 0;
         self.return_so_far = 0.0;
-        if let Some([low, high]) = self.task.randomisation.slope_rad {
-            let is_randomised = uniform() < self.task.randomisation.share;
-            let drawn_rad = low + (high - low) * uniform();
-            self.tilt(if is_randomised { drawn_rad } else { self.task.settings.slope_deg.to_radians() });
-        }
 
         let [roll, pitch, yaw] = [noise(uniform), noise(uniform), noise(uniform)];
         let ground_from_body = frame::from_euler(roll, pitch, yaw);
@@ -163,6 +157,14 @@ impl Env {
         // The ground is the plane z = 0.
         self.simulation.qpos_mut()[root + 2] -= lowest_foot_m;
         self.observe(observation);
+    }
+
+    /// Chooses what differs in the coming episodes: `place` in [0, 1) selects one of all the task's variations. Without
+    /// this call, as in searches and evaluations, nothing differs from the task's own values.
+    pub fn vary(&mut self, place: f64) {
+        if let Some(slope_rad) = self.task.variation.slope_rad(place) {
+            self.tilt(slope_rad);
+        }
     }
 
     /// Gives the ground this slope [rad].
@@ -227,7 +229,8 @@ impl Env {
         let mut reward = terms.total();
         self.return_so_far += reward;
         if accident.is_some() {
-            reward += accident_penalty(self.task.settings.accident_return_weight, self.return_so_far);
+            let TaskSettings { accident_return_weight, accident_cost, .. } = self.task.settings;
+            reward += accident_penalty(accident_return_weight, accident_cost, self.return_so_far);
         }
         let at_goal = self.task.settings.goal_distance_m.is_some_and(|goal| after[0] >= goal);
         let truncated = accident.is_none() && (at_goal || self.env_steps >= self.task.max_env_steps);
@@ -428,7 +431,7 @@ impl Env {
         self.env_steps = own[1] as u32;
         self.return_so_far = own[2];
         self.stuck = StuckTimer::at(own[3]);
-        if self.task.randomisation.slope_rad.is_some() {
+        if own[4] != self.slope_rad {
             self.tilt(own[4]);
         }
         let rest = self.previous_action.iter_mut().chain(self.commands.iter_mut().flatten());

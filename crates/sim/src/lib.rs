@@ -14,6 +14,7 @@ pub mod reward;
 pub mod robot;
 pub mod settings;
 pub mod task;
+pub mod variation;
 
 pub use accident::Accident;
 pub use env::snapshot::{LegSnapshot, Snapshot};

@@ -148,13 +148,14 @@ pub fn mechanical_work_j(torques_nm: &[f64], velocities: &[f64], dt_s: f64) -> f
 /// What an accident takes from the return: the reward that is added to the terminal step.
 ///
 /// ```text
-/// min(0, (weight - 1) return_so_far)
+/// min(0, (weight - 1) return_so_far) - cost
 /// ```
 ///
-/// Source: the paper, section II.B: the sum of the rewards so far is multiplied by a weight in [0, 1]. Deviation: a
-/// negative return stays as it is, because the product would reward falling.
-pub fn accident_penalty(weight: f64, return_so_far: f64) -> f64 {
-    ((weight - 1.0) * return_so_far).min(0.0)
+/// Source: the paper, section II.B: the sum of the rewards so far is multiplied by a weight in [0, 1]. Deviations: a
+/// negative return stays as it is, because the product would reward falling; and a fixed cost, 0 in the paper, makes an
+/// accident bad even where nothing was won before it.
+pub fn accident_penalty(weight: f64, cost: f64, return_so_far: f64) -> f64 {
+    ((weight - 1.0) * return_so_far).min(0.0) - cost
 }
 
 #[cfg(test)]
@@ -195,8 +196,10 @@ mod tests {
 
     #[test]
     fn an_accident_takes_a_share_of_a_gain_and_never_of_a_loss() {
-        assert!(close(accident_penalty(0.25, 8.0), -6.0));
-        assert_eq!(accident_penalty(0.25, -8.0), 0.0);
-        assert_eq!(accident_penalty(1.0, 8.0), 0.0);
+        assert!(close(accident_penalty(0.25, 0.0, 8.0), -6.0));
+        assert_eq!(accident_penalty(0.25, 0.0, -8.0), 0.0);
+        assert_eq!(accident_penalty(1.0, 0.0, 8.0), 0.0);
+        assert!(close(accident_penalty(0.25, 2.0, 8.0), -8.0));
+        assert_eq!(accident_penalty(0.25, 2.0, -8.0), -2.0);
     }
 }

@@ -10,6 +10,7 @@ use canter_gait::{ActionLaw, Controller, Gait, Modulation, ObservationBlock, Par
 use crate::reward::{RewardScale, RewardWeights};
 use crate::robot::Robot;
 use crate::settings::{Problems, above};
+use crate::variation::{Variation, VariationSettings, interval};
 use crate::{choices, settings};
 
 settings! {
@@ -29,30 +30,13 @@ settings! {
         pub friction: Option<f64> in 0.0..=10.0,
         /// What is left of the return after an accident, see the paper's section II.B.
         pub accident_return_weight: f64 in 0.0..=1.0,
+        /// What an accident costs besides, in the reward's unit: leg lengths of way at a forward weight of 1.
+        pub accident_cost: f64 in 0.0..=1e3,
         /// Largest change of the starting heading, tilt and leg angles [rad], drawn uniformly.
         pub start_noise_rad: f64 in 0.0..=0.5,
-        /// What differs from one training episode to the next, drawn uniformly. Searches and evaluations have none of it.
-        pub randomisation: RandomisationSettings,
+        /// What differs between the environments of a training. Searches and evaluations have none of it.
+        pub variation: VariationSettings,
     }
-}
-
-settings! {
-    /// What differs from one training episode to the next.
-    pub struct RandomisationSettings {
-        /// Share of the episodes that differ; absent: all of them.
-        pub share: Option<f64> in 0.0..=1.0,
-        /// Least and greatest slope of the ground, positive uphill [deg]; absent: `slope_deg` of the task.
-        pub slope_deg: Option<Vec<f64>> in -45.0..=45.0,
-    }
-}
-
-/// What differs from one training episode to the next, checked.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Randomisation {
-    /// Share of the episodes that differ, the others have the task's own values.
-    pub share: f64,
-    /// Least and greatest slope of the ground, positive uphill [rad]; none: the task's own.
-    pub slope_rad: Option<[f64; 2]>,
 }
 
 settings! {
@@ -168,8 +152,8 @@ pub struct Task {
     pub robot: Arc<Robot>,
     /// Time, ground, start and end of an episode.
     pub settings: TaskSettings,
-    /// What differs from one episode to the next.
-    pub randomisation: Randomisation,
+    /// What differs between the environments of a training.
+    pub variation: Variation,
     /// The reward's weights.
     pub reward: RewardWeights,
     /// What makes the reward dimensionless.
@@ -235,10 +219,7 @@ impl Task {
         // Only `modulate` uses the box, so only then must the prior lie in it.
         let boxed = if policy.modulation == ModulationChoice::Modulate { legs } else { &[] };
         let ranges = parameter_ranges(&policy.ranges, boxed, &mut problems);
-        let slope_deg = settings.randomisation.slope_deg.as_deref();
-        let slope_deg = slope_deg.and_then(|slope| interval("task.randomisation.slope_deg", slope, &mut problems));
-        let share = settings.randomisation.share.unwrap_or(1.0);
-        let randomisation = Randomisation { share, slope_rad: slope_deg.map(|slope| slope.map(f64::to_radians)) };
+        let variation = Variation::new(settings, &mut problems);
         if let (Some(gait), Some(ranges)) = (gait, &ranges) {
             let fastest_hz = f64::from(gait.stride_frequency_hz * ranges.frequency_factor.high.max(1.0));
             if fastest_hz * settings.control_dt_s > 0.5 {
@@ -254,7 +235,7 @@ impl Task {
         let lift_energy_j = robot.model.total_mass_kg() * robot.model.gravity() * leg_length_m;
         Ok(Self {
             settings: settings.clone(),
-            randomisation,
+            variation,
             reward: RewardWeights {
                 forward: reward.forward,
                 drift: reward.drift,
@@ -304,19 +285,6 @@ impl Task {
 /// The larger of a leg's two amplitudes [rad].
 fn largest_amplitude(leg: &LegGait) -> f32 {
     leg.defaults.swing_amplitude.max(leg.defaults.extension_amplitude)
-}
-
-/// Two numbers of which the first is the lesser one.
-fn interval(path: &str, values: &[f64], problems: &mut Problems) -> Option<[f64; 2]> {
-    let [low, high] = *values else {
-        problems.at(path, "expected a least and a greatest value");
-        return None;
-    };
-    if low >= high {
-        problems.at(path, format!("{low} is not less than {high}"));
-        return None;
-    }
-    Some([low, high])
 }
 
 /// The box of parameters; every leg's defaults must lie in it, so that an untrained policy can be the prior.

@@ -2,7 +2,8 @@
 
 mod common;
 
-use canter_sim::task::{ModulationChoice, RandomisationSettings};
+use canter_sim::task::ModulationChoice;
+use canter_sim::variation::VariationSettings;
 use canter_sim::{Accident, Env};
 
 const MODULATIONS: [ModulationChoice; 4] =
@@ -183,53 +184,40 @@ fn a_slope_pulls_back_and_shows_in_the_pitch() {
     assert!((observation[17] + 10_f32.to_radians()).abs() < 1e-5);
 }
 
-/// Slopes of 40 episodes of one environment [deg], told by the pitch of a robot that stands flat on the ground.
-fn drawn_slopes(share: Option<f64>) -> Vec<f32> {
+#[test]
+fn the_place_among_the_variations_decides_the_slope() {
     let (mut env, mut observation) = env(ModulationChoice::Amplitude, |settings| {
         settings.start_noise_rad = 0.0;
         settings.slope_deg = -3.0;
-        settings.randomisation = RandomisationSettings { share, slope_deg: Some(vec![5.0, 15.0]) };
+        settings.variation = VariationSettings { share: Some(0.5), slope_deg: Some(vec![5.0, 15.0]) };
     });
-    let mut uniform = common::uniform(11);
-    (0..40)
-        .map(|_| {
-            env.reset(&mut uniform, &mut observation);
-            -observation[17].to_degrees()
-        })
-        .collect()
+    // Half of the places climb from 5 to 15 degrees, the others have the task's own slope.
+    for (place, slope_deg) in
+        [(0.0, 5.0), (0.1, 7.0), (0.25, 10.0), (0.45, 14.0), (0.5, -3.0), (0.99, -3.0), (0.2, 9.0)]
+    {
+        env.vary(place);
+        env.reset(&mut common::uniform(11), &mut observation);
+        // A robot that stands flat on the ground shows its slope by its pitch.
+        assert!((-observation[17].to_degrees() - slope_deg).abs() < 1e-4, "{place}: {}", observation[17]);
+    }
 }
 
 #[test]
-fn every_episode_draws_its_slope_and_those_that_do_not_have_the_tasks_own() {
-    let is_drawn = |slope: &&f32| (5.0..=15.0).contains(*slope);
-    let all = drawn_slopes(None);
-    assert_eq!(all.iter().filter(is_drawn).count(), 40, "{all:?}");
-    let (least, greatest) = all.iter().fold((15.0_f32, 5.0_f32), |(a, b), &slope| (a.min(slope), b.max(slope)));
-    assert!(least < 6.0 && greatest > 14.0, "{all:?}");
-    assert_eq!(all, drawn_slopes(Some(1.0)));
-    let some = drawn_slopes(Some(0.5));
-    let num_drawn = some.iter().filter(is_drawn).count();
-    assert!((12..=28).contains(&num_drawn), "{some:?}");
-    assert_eq!(some.iter().filter(|slope| (**slope + 3.0).abs() < 1e-4).count(), 40 - num_drawn, "{some:?}");
-    assert!(drawn_slopes(Some(0.0)).iter().all(|slope| (slope + 3.0).abs() < 1e-4));
-}
-
-#[test]
-fn a_drawn_slope_is_the_same_physics_as_that_slope_as_the_tasks_own() {
+fn a_varied_slope_is_the_same_physics_as_that_slope_as_the_tasks_own() {
     let walk = |change: &dyn Fn(&mut canter_sim::TaskSettings)| {
         let (mut env, mut observation) = env(ModulationChoice::Amplitude, change);
-        // The slope is drawn after the phase: 0.5 for both, and for the noise.
-        env.reset(&mut || 0.5, &mut observation);
+        env.vary(0.5);
+        env.reset(&mut common::uniform(12), &mut observation);
         for _ in 0..100 {
             env.step_prior(&mut observation);
         }
         (env.position_in_ground(), observation)
     };
-    let drawn = walk(&|settings| {
-        settings.randomisation = RandomisationSettings { share: None, slope_deg: Some(vec![4.0, 12.0]) };
+    let varied = walk(&|settings| {
+        settings.variation = VariationSettings { share: None, slope_deg: Some(vec![4.0, 12.0]) };
     });
     let own = walk(&|settings| settings.slope_deg = 8.0);
-    assert!(distance(drawn.0, own.0) < 1e-9, "{drawn:?} {own:?}");
+    assert!(distance(varied.0, own.0) < 1e-9, "{varied:?} {own:?}");
     assert_ne!(own, walk(&|_| {}));
 }
 
@@ -237,12 +225,13 @@ fn a_drawn_slope_is_the_same_physics_as_that_slope_as_the_tasks_own() {
 fn a_restored_environment_goes_on_with_the_same_bytes() {
     restored_goes_on(|_| {});
     restored_goes_on(|settings| {
-        settings.randomisation = RandomisationSettings { share: None, slope_deg: Some(vec![-10.0, 10.0]) };
+        settings.variation = VariationSettings { share: None, slope_deg: Some(vec![-10.0, 10.0]) };
     });
 }
 
 fn restored_goes_on(change: impl Fn(&mut canter_sim::TaskSettings)) {
     let (mut original, mut observation) = env(ModulationChoice::Modulate, &change);
+    original.vary(0.9);
     original.reset(&mut common::uniform(9), &mut observation);
     let mut uniform = common::uniform(10);
     let mut action = || (0..17).map(|_| (uniform() * 0.6 - 0.3) as f32).collect::<Vec<_>>();

@@ -30,7 +30,8 @@ pub struct Travel {
 pub struct TrainingEnvironment {
     env: Env,
     seed: u64,
-    index: u64,
+    /// Its number among how many.
+    place: (u64, u64),
     /// Number of the next episode; with seed and index it selects the random start.
     next_episode: u64,
     /// What happened since this was last taken.
@@ -38,9 +39,10 @@ pub struct TrainingEnvironment {
 }
 
 impl TrainingEnvironment {
-    /// Environment number `index` of the run with this seed.
-    pub fn new(task: Arc<Task>, seed: u64, index: u64) -> Self {
-        Self { env: Env::new(task), seed, index, next_episode: 0, travel: Travel::default() }
+    /// Environment number `index` of `num_environments` of the run with this seed.
+    pub fn new(task: Arc<Task>, seed: u64, index: u64, num_environments: u64) -> Self {
+        let place = (index, num_environments);
+        Self { env: Env::new(task), seed, place, next_episode: 0, travel: Travel::default() }
     }
 
     /// Everything that the next step depends on.
@@ -71,8 +73,12 @@ impl Environment for TrainingEnvironment {
     }
 
     fn reset(&mut self, observation: &mut [f32]) {
-        let mut rng = stream(self.seed, Purpose::Reset, self.index, self.next_episode);
+        let (index, num_environments) = self.place;
+        let mut rng = stream(self.seed, Purpose::Reset, index, self.next_episode);
         self.next_episode += 1;
+        if self.env.task().variation.is_any() {
+            self.env.vary((index as f64 + uniform(&mut rng)) / num_environments as f64);
+        }
         self.env.reset(&mut || uniform(&mut rng), observation);
     }
 

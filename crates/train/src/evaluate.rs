@@ -5,7 +5,6 @@ use std::sync::Arc;
 
 use canter_gait::Policy;
 use canter_learn::random::{Purpose, stream};
-use canter_sim::task::Randomisation;
 use canter_sim::{Accident, Env, StepOutcome, Task};
 use rayon::prelude::*;
 use serde::Serialize;
@@ -175,7 +174,7 @@ pub fn evaluate(task: &Task, mover: Mover<'_>, settings: &EvaluationSettings, wo
 
 /// The episodes of one gait, in environments that `new_env` makes: [`Env::new`], or a what-if study's.
 ///
-/// `new_env` gets the task without its goal and its randomisation, and with the evaluation's time limit.
+/// `new_env` gets the task without its goal and with the evaluation's time limit.
 pub fn run_episodes(
     task: &Task,
     new_env: impl Fn(Arc<Task>) -> Env + Sync,
@@ -195,11 +194,10 @@ pub fn run_episodes(
     })
 }
 
-/// The task without its goal and its randomisation, and with the evaluation's time limit.
+/// The task without its goal and with the evaluation's time limit.
 pub(crate) fn evaluation_task(task: &Task, settings: &EvaluationSettings) -> Arc<Task> {
     let mut task = task.clone();
     task.settings.goal_distance_m = None;
-    task.randomisation = Randomisation::default();
     task.max_env_steps = (settings.episode_s / task.settings.control_dt_s).round() as u32;
     Arc::new(task)
 }

@@ -79,8 +79,9 @@ impl Trainer {
         let model = config.network.model(task);
         let settings = config.ppo.settings();
         let training = &config.training;
-        let mut environments: Vec<_> = (0..training.num_environments as u64)
-            .map(|index| TrainingEnvironment::new(task.clone(), config.seed, index))
+        let num_environments = training.num_environments as u64;
+        let mut environments: Vec<_> = (0..num_environments)
+            .map(|index| TrainingEnvironment::new(task.clone(), config.seed, index, num_environments))
             .collect();
         let collectors = environments.iter_mut().map(CollectorState::start).collect();
         let num_samples = training.num_environments * training.horizon;

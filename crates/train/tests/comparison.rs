@@ -108,6 +108,13 @@ fn a_comparison_ends_and_goes_on_after_stops_to_the_same_bytes() {
         assert_eq!(trajectory["name"], Value::from(rung.as_str()));
     }
     assert_eq!(comparison["trajectories"].as_object().unwrap().len(), 7);
+    let uphill = comparison["uphill_trajectories"].as_object().unwrap();
+    assert_eq!(uphill.keys().collect::<Vec<_>>(), ["doggo", "paper", "sine", "stepping", "tuned"]);
+    for path in uphill.values() {
+        let recorded = fs::read_to_string(undisturbed.join(path.as_str().unwrap())).unwrap();
+        let recorded: Value = serde_json::from_str(&recorded).unwrap();
+        assert_eq!(recorded["slope_deg"], 20.0, "{path}");
+    }
 
     // A learned rung's folder is a run directory; a search leaves its gait.
     let files = common::names(&undisturbed.join("doggo-2"));

@@ -312,6 +312,7 @@ pub fn comparison() -> Value {
             { "claim": "Runs on the real robot", "source": "section VI", "paper": "future work", "ours": "not measured",
               "holds": null, "sentence": "Nothing here was run on a robot." },
         ],
+        "uphill_trajectories": { "doggo": "trajectories/doggo-uphill.json", "sine": "trajectories/sine-uphill.json" },
         "trajectories": RUNGS.iter().map(|gait| (gait.name.to_owned(), json!(format!("trajectories/{}.json", gait.name)))).collect::<serde_json::Map<_, _>>(),
     })
 }
@@ -321,7 +322,10 @@ pub fn write_comparison(path: &Path, comparison: &Value) {
     fs::create_dir_all(path.join("trajectories")).unwrap();
     write_json(&path.join("compare.json"), comparison);
     for gait in &RUNGS {
-        write_json(&path.join(format!("trajectories/{}.json", gait.name)), &trajectory(gait));
+        let mut trajectory = trajectory(gait);
+        write_json(&path.join(format!("trajectories/{}.json", gait.name)), &trajectory);
+        trajectory["slope_deg"] = json!(20.0);
+        write_json(&path.join(format!("trajectories/{}-uphill.json", gait.name)), &trajectory);
     }
 }
 

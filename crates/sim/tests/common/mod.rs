@@ -4,7 +4,8 @@
 use std::sync::Arc;
 
 use canter_sim::settings::Document;
-use canter_sim::task::{BlockChoice, ModulationChoice, RandomisationSettings, RangeSettings};
+use canter_sim::task::{BlockChoice, ModulationChoice, RangeSettings};
+use canter_sim::variation::VariationSettings;
 use canter_sim::{PolicySettings, RewardSettings, Robot, Task, TaskSettings};
 
 /// SplitMix64, Steele et al. 2014: numbers in [0, 1) from a seed.
@@ -28,8 +29,9 @@ pub fn task_settings() -> TaskSettings {
         slope_deg: 0.0,
         friction: None,
         accident_return_weight: 0.5,
+        accident_cost: 0.0,
         start_noise_rad: 0.05,
-        randomisation: RandomisationSettings { share: None, slope_deg: None },
+        variation: VariationSettings { share: None, slope_deg: None },
     }
 }
 

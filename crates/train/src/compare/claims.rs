@@ -6,7 +6,7 @@
 use serde::Serialize;
 
 use super::measured::RunReport;
-use super::protocol::{Quantity, Rung};
+use super::protocol::{Quantity, Rung, UPHILL_DEG};
 use super::results::{Comparison, RungReport, Sample};
 use crate::footfall::Footfall;
 use crate::statistics::mean;
@@ -25,9 +25,6 @@ const SMOOTHING_POINTS: usize = 5;
 
 /// Share of its speed on level ground that a gait must keep uphill for "maintained the stability of the speed".
 const KEPT_SPEED_SHARE: f64 = 0.9;
-
-/// Slope of the paper's fig. 7 [deg].
-const PAPER_SLOPE_DEG: f64 = 20.0;
 
 /// Least speed that counts as climbing [m/s].
 const CLIMBING_SPEED_M_PER_S: f64 = 0.1;
@@ -442,7 +439,7 @@ fn others_uphill(comparison: &Comparison, rungs: &[Rung]) -> String {
     let others: Vec<String> = rungs
         .iter()
         .filter_map(|rung| {
-            let (speed, _, falls) = on_slope(comparison, *rung, PAPER_SLOPE_DEG)?;
+            let (speed, _, falls) = on_slope(comparison, *rung, UPHILL_DEG)?;
             Some(format!("`{}` {} m/s ({:.0} % fall)", rung.name(), fixed(speed, 2), 100.0 * falls))
         })
         .collect();
@@ -452,7 +449,7 @@ fn others_uphill(comparison: &Comparison, rungs: &[Rung]) -> String {
 fn holds_uphill(comparison: &Comparison) -> Claim {
     let claim = "holds its speed on 20 degrees uphill".to_owned();
     let origin = ("section V.D, fig. 7", "same speed");
-    let Some((speed, ci, falls)) = on_slope(comparison, Rung::Paper, PAPER_SLOPE_DEG) else {
+    let Some((speed, ci, falls)) = on_slope(comparison, Rung::Paper, UPHILL_DEG) else {
         return not_measured(claim, origin, "`paper` was not measured on this slope");
     };
     let level = comparison.rungs[&Rung::Paper].speed_iqm;
@@ -471,12 +468,12 @@ fn holds_uphill(comparison: &Comparison) -> Claim {
 
 fn climbs(comparison: &Comparison) -> Claim {
     let claim = "`doggo` climbs 20 degrees without a fall".to_owned();
-    let Some((speed, ci, falls)) = on_slope(comparison, Rung::Doggo, PAPER_SLOPE_DEG) else {
+    let Some((speed, ci, falls)) = on_slope(comparison, Rung::Doggo, UPHILL_DEG) else {
         return not_measured(claim, (BEYOND, "-"), "`doggo` was not measured on this slope");
     };
     let holds = if falls > 0.0 { Some(false) } else { at_least(ci, CLIMBING_SPEED_M_PER_S) };
     let sentence = format!(
-        "Trained on level ground, `doggo` goes {} m/s uphill and falls in {:.0} % of the episodes; beside it {}; it \
+        "`doggo` goes {} m/s uphill and falls in {:.0} % of the episodes; beside it {}; it \
          would have to go {CLIMBING_SPEED_M_PER_S} m/s without a fall, {}.",
         fixed(speed, 2),
         100.0 * falls,

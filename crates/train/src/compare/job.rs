@@ -12,7 +12,7 @@ use serde_json::{Value, json};
 use super::CompareError;
 use super::measured::{Measured, Subject, planned_steps};
 use super::progress::Meter;
-use super::protocol::{CompareSettings, Rung, RungKind};
+use super::protocol::{CompareSettings, Quantity, Rung, RungKind, UPHILL_DEG};
 use crate::config::{EvaluationSettings, Resolved};
 use crate::evaluate::Mover;
 use crate::executor::Workers;
@@ -70,6 +70,11 @@ pub fn jobs(settings: &CompareSettings) -> Vec<Job> {
 
 /// Folder in a job's folder that holds its recorded episode.
 pub(super) const TRAJECTORIES: &str = "trajectories";
+
+/// Name of a rung's episode that was recorded uphill.
+pub(super) fn uphill_name(rung: Rung) -> String {
+    format!("{}-uphill", rung.name())
+}
 
 /// Name of the folder of a rung's job.
 pub(super) fn job_name(rung: Rung, seed: Option<u64>) -> String {
@@ -148,8 +153,12 @@ impl Job {
         workers: &Workers,
     ) -> Result<Option<Measured>, CompareError> {
         let evaluation = context.settings.evaluation();
-        let trajectory = record(task, mover, &evaluation, self.rung.name(), self.rung.label());
-        write_trajectory(&context.folder.join(self.name()).join(TRAJECTORIES), &trajectory)?;
+        let folder = context.folder.join(self.name()).join(TRAJECTORIES);
+        write_trajectory(&folder, &record(task, mover, &evaluation, self.rung.name(), self.rung.label()))?;
+        if self.rung.is_swept() {
+            let (task, _) = Quantity::Slope.applied(task, UPHILL_DEG);
+            write_trajectory(&folder, &record(&task, mover, &evaluation, &uphill_name(self.rung), self.rung.label()))?;
+        }
         let share = self.rung.is_swept().then_some(self.place);
         let subject = Subject { task, mover, seed: self.seed, env_steps, return_curve, share };
         Ok(subject.measure(context.settings, workers, context.stop, &|env_steps| context.meter.add(env_steps)))

@@ -12,6 +12,9 @@ use crate::search::tuned::SearchSettings;
 /// When the pushes of a sweep happen, from the start of an episode [s]: the gait has settled, and has time to recover.
 const PUSH_AT_S: f64 = 3.0;
 
+/// Slope on which an episode is recorded, as on level ground: that of the paper's fig. 7 [deg].
+pub const UPHILL_DEG: f64 = 20.0;
+
 /// One kind of gait that is compared.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]

@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use super::CompareError;
 use super::claims::{Claim, claims};
-use super::job::{TRAJECTORIES, job_name};
+use super::job::{TRAJECTORIES, job_name, uphill_name};
 use super::measured::{Measured, RunReport};
 use super::protocol::{CompareSettings, EvaluationCard, Quantity, Rung, RungKind};
 use crate::statistics::{
@@ -39,6 +39,8 @@ pub struct Comparison {
     pub claims: Vec<Claim>,
     /// Recorded episodes, by rung.
     pub trajectories: BTreeMap<Rung, String>,
+    /// The same on [`UPHILL_DEG`](super::protocol::UPHILL_DEG), by rung.
+    pub uphill_trajectories: BTreeMap<Rung, String>,
 }
 
 /// What decides the numbers.
@@ -203,18 +205,23 @@ impl Comparison {
             rungs,
             sweeps: sweeps.collect(),
             claims: Vec::new(),
-            trajectories: recorded_trajectories(&runs),
+            trajectories: recorded_trajectories(&runs, |rung| Some(rung.name().to_owned())),
+            uphill_trajectories: recorded_trajectories(&runs, |rung| rung.is_swept().then(|| uphill_name(rung))),
         };
         comparison.claims = claims(&comparison);
         Ok(comparison)
     }
 }
 
-/// The recorded episode that stands for each rung, as a path from the comparison's folder: its median run's.
-fn recorded_trajectories(runs: &BTreeMap<Rung, Vec<RunReport>>) -> BTreeMap<Rung, String> {
+/// The recorded episode that stands for each rung, as a path from the comparison's folder: its median run's of this
+/// name.
+fn recorded_trajectories(
+    runs: &BTreeMap<Rung, Vec<RunReport>>,
+    name: impl Fn(Rung) -> Option<String>,
+) -> BTreeMap<Rung, String> {
     let path = |(rung, own): (&Rung, &Vec<RunReport>)| {
         let folder = job_name(*rung, median_run(own)?.seed);
-        Some((*rung, format!("{folder}/{TRAJECTORIES}/{}.json", rung.name())))
+        Some((*rung, format!("{folder}/{TRAJECTORIES}/{}.json", name(*rung)?)))
     };
     runs.iter().filter_map(path).collect()
 }

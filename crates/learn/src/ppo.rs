@@ -273,6 +273,20 @@ pub fn adapted_learning_rate(learning_rate: f64, approx_kl: f64, target_kl: f64)
     }
 }
 
+/// The learning rate of a training that has taken a share of its env steps.
+///
+/// ```text
+/// lr_0 + (lr_1 - lr_0) min(share, 1)
+/// ```
+///
+/// `first` -> lr_0, `last` -> lr_1. Large steps learn fast while everything is to be learned, small ones at the end leave
+/// a policy that the last rollouts have not thrown about.
+///
+/// Source: Schulman et al. 2017, table 5, where it falls to 0.
+pub fn annealed_learning_rate(first: f64, last: f64, share: f64) -> f64 {
+    first + (last - first) * share.min(1.0)
+}
+
 /// Into how many equal minibatches a rollout is cut: the size nearest to the one asked for.
 fn num_minibatches(num_samples: usize, minibatch_size: usize) -> usize {
     assert!(num_samples > 0 && minibatch_size > 0, "a minibatch needs samples");
@@ -304,6 +318,14 @@ mod tests {
         assert_eq!(adapted_learning_rate(3e-4, 0.015, 0.01), 3e-4);
         assert_eq!(adapted_learning_rate(1.1e-5, 1.0, 0.01), MIN_LEARNING_RATE);
         assert_eq!(adapted_learning_rate(9e-3, 0.0, 0.01), MAX_LEARNING_RATE);
+    }
+
+    #[test]
+    fn the_annealed_learning_rate_falls_evenly_and_stays_at_the_end() {
+        let at = |share: f64| annealed_learning_rate(8e-4, 2e-4, share);
+        for (share, expected) in [(0.0, 8e-4), (0.25, 6.5e-4), (1.0, 2e-4), (1.5, 2e-4)] {
+            assert!((at(share) - expected).abs() < 1e-18, "{share}: {}", at(share));
+        }
     }
 
     #[test]

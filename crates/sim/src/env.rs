@@ -206,7 +206,7 @@ impl Env {
 
     /// Simulates one control step under the command whose time has come.
     fn advance(&mut self, squared_action_change: f64, observation: &mut [f32]) -> StepOutcome {
-        let before = self.position_in_ground();
+        let (before, heading_before) = (self.position_in_ground(), self.heading_rad());
         let mut work_j = self.simulate();
         self.env_steps += 1;
         self.observe(observation);
@@ -217,6 +217,7 @@ impl Env {
         let motion = Motion {
             displacement_in_ground: std::array::from_fn(|axis| after[axis] - before[axis]),
             work_j,
+            turn_rad: frame::smallest_angle(self.heading_rad() - heading_before),
             squared_action_change,
         };
         // A state that makes no sense has neither work nor reward that does.

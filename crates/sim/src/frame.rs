@@ -19,6 +19,11 @@ pub fn to_euler(rotation: &Matrix3) -> [f64; 3] {
     [zy.atan2(zz), (-zx).clamp(-1.0, 1.0).asin(), yx.atan2(xx)]
 }
 
+/// The same angle within half a turn of 0 [rad].
+pub fn smallest_angle(angle_rad: f64) -> f64 {
+    angle_rad.sin().atan2(angle_rad.cos())
+}
+
 /// Rotation matrix of a quaternion, which need not have unit length.
 pub fn from_quaternion([w, x, y, z]: [f64; 4]) -> Matrix3 {
     let s = 2.0 / (w * w + x * x + y * y + z * z);
@@ -100,6 +105,14 @@ mod tests {
         // Gravity in the ground's frame, taken to gravity's frame, points straight down.
         let down: Vec<f64> = gravity_from_ground.iter().map(|row| row[0] * x + row[1] * y + row[2] * z).collect();
         assert!(close(&down, &[0.0, 0.0, -9.81]));
+    }
+
+    #[test]
+    fn a_turn_across_half_a_turn_is_a_small_one() {
+        let turn = |from: f64, to: f64| smallest_angle((to - from).to_radians()).to_degrees();
+        for (from, to, expected) in [(10.0, 30.0, 20.0), (175.0, -175.0, 10.0), (-170.0, 170.0, -20.0)] {
+            assert!((turn(from, to) - expected).abs() < 1e-9, "{from} to {to}: {}", turn(from, to));
+        }
     }
 
     #[test]

@@ -14,6 +14,8 @@ pub struct RewardWeights {
     pub bounce: f64,
     /// Weight of the motors' work; lambda_3.
     pub energy: f64,
+    /// Weight of turning; not in the paper, which has 0.
+    pub turn: f64,
     /// Weight of a change of the action; not in the paper, which has 0.
     pub action_rate: f64,
 }
@@ -34,6 +36,8 @@ pub struct Motion {
     pub displacement_in_ground: [f64; 3],
     /// Work of the motors, see [`mechanical_work_j`] [J].
     pub work_j: f64,
+    /// Change of the heading [rad].
+    pub turn_rad: f64,
     /// Sum of the squared changes of the action's components.
     pub squared_action_change: f64,
 }
@@ -49,6 +53,8 @@ pub struct RewardTerms {
     pub bounce: f64,
     /// See [`energy_term`].
     pub energy: f64,
+    /// See [`turn_term`].
+    pub turn: f64,
     /// See [`action_rate_term`].
     pub action_rate: f64,
 }
@@ -57,10 +63,10 @@ impl RewardTerms {
     /// The reward of one env step.
     ///
     /// ```text
-    /// R = forward + drift + bounce + energy + action_rate
+    /// R = forward + drift + bounce + energy + turn + action_rate
     /// ```
     ///
-    /// Source: eq. 6 of the paper; the last term is ours.
+    /// Source: eq. 6 of the paper; the last two terms are ours.
     pub fn new(weights: &RewardWeights, scale: &RewardScale, motion: &Motion) -> Self {
         let [forward, left, up] = motion.displacement_in_ground.map(|length| length / scale.leg_length_m);
         Self {
@@ -68,13 +74,14 @@ impl RewardTerms {
             drift: drift_term(weights.drift, left),
             bounce: bounce_term(weights.bounce, up),
             energy: energy_term(weights.energy, motion.work_j / scale.lift_energy_j),
+            turn: turn_term(weights.turn, motion.turn_rad),
             action_rate: action_rate_term(weights.action_rate, motion.squared_action_change),
         }
     }
 
     /// The terms' sum.
     pub fn total(&self) -> f64 {
-        self.forward + self.drift + self.bounce + self.energy + self.action_rate
+        self.forward + self.drift + self.bounce + self.energy + self.turn + self.action_rate
     }
 }
 
@@ -122,6 +129,20 @@ pub fn energy_term(weight: f64, work: f64) -> f64 {
     -weight * work
 }
 
+/// Penalty for turning.
+///
+/// ```text
+/// -w5 |dpsi|
+/// ```
+///
+/// dpsi -> `turn_rad` [rad]. A robot that has turned goes less far forward, but on a steep slope, where it is slow, that
+/// costs it little.
+///
+/// Source: usual in the field as a penalty on the yaw rate (legged_gym); not in the paper, whose weight is 0.
+pub fn turn_term(weight: f64, turn_rad: f64) -> f64 {
+    -weight * turn_rad.abs()
+}
+
 /// Penalty for changing the action from one env step to the next.
 ///
 /// ```text
@@ -163,7 +184,7 @@ mod tests {
     use super::*;
 
     const WEIGHTS: RewardWeights =
-        RewardWeights { forward: 1.0, drift: 0.5, bounce: 0.25, energy: 0.1, action_rate: 2.0 };
+        RewardWeights { forward: 1.0, drift: 0.5, bounce: 0.25, energy: 0.1, turn: 0.3, action_rate: 2.0 };
     const SCALE: RewardScale = RewardScale { leg_length_m: 0.2, lift_energy_j: 8.0 };
 
     fn close(a: f64, b: f64) -> bool {
@@ -172,20 +193,27 @@ mod tests {
 
     #[test]
     fn each_term_by_hand() {
-        let motion = Motion { displacement_in_ground: [0.02, -0.004, 0.002], work_j: 0.4, squared_action_change: 0.03 };
+        let motion = Motion {
+            displacement_in_ground: [0.02, -0.004, 0.002],
+            work_j: 0.4,
+            turn_rad: -0.05,
+            squared_action_change: 0.03,
+        };
         let terms = RewardTerms::new(&WEIGHTS, &SCALE, &motion);
         assert!(close(terms.forward, 0.1)); // 0.02 / 0.2
         assert!(close(terms.drift, -0.01)); // 0.5 * 0.004 / 0.2
         assert!(close(terms.bounce, -0.0025)); // 0.25 * 0.002 / 0.2
         assert!(close(terms.energy, -0.005)); // 0.1 * 0.4 / 8
+        assert!(close(terms.turn, -0.015));
         assert!(close(terms.action_rate, -0.06));
-        assert!(close(terms.total(), 0.1 - 0.01 - 0.0025 - 0.005 - 0.06));
+        assert!(close(terms.total(), 0.1 - 0.01 - 0.0025 - 0.005 - 0.015 - 0.06));
     }
 
     #[test]
     fn penalties_do_not_care_for_the_direction() {
         assert_eq!(drift_term(1.0, 0.3), drift_term(1.0, -0.3));
         assert_eq!(bounce_term(1.0, 0.3), bounce_term(1.0, -0.3));
+        assert_eq!(turn_term(1.0, 0.3), turn_term(1.0, -0.3));
     }
 
     #[test]

@@ -50,6 +50,8 @@ settings! {
         pub bounce: f64 in 0.0..=1e3,
         /// The motors' work. The energy term divided by the forward term is this weight times the cost of transport.
         pub energy: f64 in 0.0..=1e3,
+        /// Turning, in leg lengths of way for one radian; not in the paper.
+        pub turn: f64 in 0.0..=1e3,
         /// Changing the action; not in the paper.
         pub action_rate: f64 in 0.0..=1e3,
     }
@@ -241,6 +243,7 @@ impl Task {
                 drift: reward.drift,
                 bounce: reward.bounce,
                 energy: reward.energy,
+                turn: reward.turn,
                 action_rate: reward.action_rate,
             },
             scale: RewardScale { leg_length_m, lift_energy_j },

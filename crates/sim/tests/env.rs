@@ -87,8 +87,14 @@ fn an_accident_leaves_its_share_of_a_positive_return() {
     let mut policy = common::policy_settings("stepping", ModulationChoice::Direct);
     policy.authority = 1.0;
     let mut task = canter_sim::Task::clone(&common::doggo(&common::task_settings(), &policy));
-    task.reward =
-        canter_sim::reward::RewardWeights { forward: 1.0, drift: 0.0, bounce: 0.0, energy: 0.0, action_rate: 0.0 };
+    task.reward = canter_sim::reward::RewardWeights {
+        forward: 1.0,
+        drift: 0.0,
+        bounce: 0.0,
+        energy: 0.0,
+        turn: 0.0,
+        action_rate: 0.0,
+    };
     let mut env = Env::new(std::sync::Arc::new(task));
     let mut observation = vec![0.0; env.task().num_observations()];
     env.reset(&mut common::uniform(1), &mut observation);

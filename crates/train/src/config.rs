@@ -64,6 +64,8 @@ settings! {
         pub minibatch_size: usize in 1..=65536,
         /// Adam's step size at the start.
         pub learning_rate: f64 in 1e-9..=1.0,
+        /// The learning rate falls evenly to this, over the env steps of the training; absent: it stays.
+        pub final_learning_rate: Option<f64> in 0.0..=1.0,
         /// The learning rate follows this divergence between old and new policy; absent: it stays.
         pub target_kl: Option<f64> in above(0.0),
         /// Weight of the value loss.
@@ -234,6 +236,10 @@ pub fn resolve(document: &Document) -> Result<Resolved, ConfigError> {
         if config.ppo.minibatch_size > num_samples {
             let message = format!("an iteration has only num_environments times horizon = {num_samples} samples");
             problems.at("ppo.minibatch_size", message);
+        }
+        if config.ppo.target_kl.is_some() && config.ppo.final_learning_rate.is_some() {
+            problems
+                .at("ppo.final_learning_rate", "the learning rate cannot follow target_kl too: remove one of the two");
         }
         let rates = MIN_LEARNING_RATE..=MAX_LEARNING_RATE;
         if config.ppo.target_kl.is_some() && !rates.contains(&config.ppo.learning_rate) {

@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use canter_gait::Policy;
 use canter_learn::random::{Purpose, stream};
+use canter_sim::frame::smallest_angle;
 use canter_sim::{Accident, Env, StepOutcome, Task};
 use rayon::prelude::*;
 use serde::Serialize;
@@ -266,13 +267,12 @@ pub(crate) fn run_episode(
     let settled = settled.unwrap_or(end);
     let counted_s = f64::from(task.max_env_steps - settle_steps) * task.settings.control_dt_s;
     let walked_s = (heights.len() as f64 * task.settings.control_dt_s).max(task.settings.control_dt_s);
-    let turn = end_heading - start_heading;
     Episode {
         env_steps: env.env_steps(),
         speed_m_per_s: forward_speed(settled[0], end[0], counted_s),
         displacement_speed_m_per_s: (end[0] - settled[0]).hypot(end[1] - settled[1]) / counted_s,
         drift_m: (end[1] - settled[1]).abs(),
-        heading_deg: turn.sin().atan2(turn.cos()).abs().to_degrees(),
+        heading_deg: smallest_angle(end_heading - start_heading).abs().to_degrees(),
         height_std_m: population_std(&heights),
         speed_per_step_std_m: speed_per_step_std(&ways_m),
         power_w: work_j / walked_s,

@@ -9,7 +9,7 @@ use canter_learn::collect::{CollectorState, EpisodeRecord, PolicyView, collect_c
 use canter_learn::metrics::UpdateMetrics;
 use canter_learn::normaliser::{Normaliser, RunningMoments};
 use canter_learn::policy::ActorCritic;
-use canter_learn::ppo::{Divergence, PpoWorkspace, UpdateContext, update};
+use canter_learn::ppo::{Divergence, PpoWorkspace, UpdateContext, annealed_learning_rate, update};
 use canter_learn::random::{Purpose, stream};
 use canter_learn::rollout::Rollout;
 use canter_learn::settings::PpoSettings;
@@ -148,6 +148,7 @@ impl Trainer {
         let collected = Instant::now();
         compute_values(&mut self.rollout, &self.model, &self.parameters, workers);
         estimate_advantages(&mut self.rollout, self.settings.gamma, self.settings.gae_lambda);
+        self.anneal_learning_rate();
         let context = UpdateContext {
             model: &self.model,
             settings: &self.settings,
@@ -158,6 +159,15 @@ impl Trainer {
         let update = update(&mut self.parameters, &mut self.adam, &self.rollout, &context, &mut self.workspace)?;
         let updated = Instant::now();
         Ok(self.report(update, (collected - start).as_secs_f64(), (updated - collected).as_secs_f64()))
+    }
+
+    /// Sets the learning rate of this iteration, if it is to fall.
+    fn anneal_learning_rate(&mut self) {
+        let config = &self.resolved.config;
+        if let Some(last) = config.ppo.final_learning_rate {
+            let share = self.progress.env_steps as f64 / config.training.max_env_steps as f64;
+            self.adam.learning_rate = annealed_learning_rate(config.ppo.learning_rate, last, share);
+        }
     }
 
     /// Fills the rollout: every thread steps whole environments, none waits for another.

@@ -36,7 +36,7 @@ pub fn task_settings() -> TaskSettings {
 }
 
 pub fn reward_settings() -> RewardSettings {
-    RewardSettings { forward: 1.0, drift: 0.1, bounce: 0.1, energy: 0.05, action_rate: 0.0 }
+    RewardSettings { forward: 1.0, drift: 0.1, bounce: 0.1, energy: 0.05, turn: 0.0, action_rate: 0.0 }
 }
 
 pub fn policy_settings(prior: &str, modulation: ModulationChoice) -> PolicySettings {

@@ -3,7 +3,7 @@
 use canter_report::ReportError;
 use canter_sim::RobotError;
 #[cfg(feature = "view")]
-use canter_sim::render::viewer::ViewError;
+use canter_sim::mujoco::viewer::ViewError;
 use canter_sim::settings::Problems;
 use canter_train::checkpoint::CheckpointError;
 use canter_train::compare::CompareError;

@@ -1,6 +1,8 @@
 //! The one place that names MuJoCo: loading a model, stepping it, reading and restoring its state, and drawing it.
 
 pub mod painter;
+#[cfg(feature = "view")]
+pub mod viewer;
 
 use std::path::Path;
 use std::sync::{Mutex, Once, PoisonError};

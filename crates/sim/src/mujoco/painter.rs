@@ -115,7 +115,14 @@ impl Painter {
     ///
     /// `floor` is the number of the ground's geom. `reach_m` is the robot's size [m]: what lies many times as far away
     /// fades into haze.
-    pub fn new(gl: GlContext, model: &Model, floor: usize, reach_m: f64, look: &Look, [width, height]: [u32; 2]) -> Self {
+    pub fn new(
+        gl: GlContext,
+        model: &Model,
+        floor: usize,
+        reach_m: f64,
+        look: &Look,
+        [width, height]: [u32; 2],
+    ) -> Self {
         let picture = Area { left: 0, bottom: 0, width, height };
         let size = picture.to_mujoco();
         let mut model = Box::new(model.0.clone());
@@ -128,7 +135,7 @@ impl Painter {
         // the square with shadows.
         (visual.map.znear, visual.map.zfar) = (0.1, 200.0);
         (visual.map.fogstart, visual.map.fogend) = (8.0, 20.0);
-        (visual.map.shadowclip, visual.map.shadowscale) = (2.0, 1.0);
+        (visual.map.shadowclip, visual.map.shadowscale) = (3.0, 1.0);
         let [r, g, b] = look.haze_rgb;
         visual.rgba.fog = [r, g, b, 1.0];
         visual.rgba.haze = visual.rgba.fog;
@@ -147,11 +154,12 @@ impl Painter {
         // SAFETY: `gl` is current on this thread, and is dropped after the context.
         let mut context = unsafe { MjrContext::new(&model) };
         context.offscreen();
-        // MuJoCo's letters are made for windows of about this height.
+        // Large letters are then some 6 % of the picture's height.
         let scale = match height {
-            ..300 => MjtFontScale::mjFONTSCALE_100,
-            300..600 => MjtFontScale::mjFONTSCALE_150,
-            600..900 => MjtFontScale::mjFONTSCALE_200,
+            ..300 => MjtFontScale::mjFONTSCALE_50,
+            300..500 => MjtFontScale::mjFONTSCALE_100,
+            500..650 => MjtFontScale::mjFONTSCALE_150,
+            650..1000 => MjtFontScale::mjFONTSCALE_200,
             _ => MjtFontScale::mjFONTSCALE_300,
         };
         context.change_font(scale);

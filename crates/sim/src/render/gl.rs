@@ -66,8 +66,7 @@ const EGL_OPENGL_API: c_uint = 0x30A2;
 const EGL_PLATFORM_DEVICE_EXT: c_uint = 0x313F;
 const EGL_PLATFORM_SURFACELESS_MESA: c_uint = 0x31DD;
 /// Pairs of name and value: 8 bits a colour, 24 of depth, pictures that are no window, OpenGL; then EGL_NONE.
-const EGL_CONFIG: [c_int; 13] =
-    [0x3024, 8, 0x3023, 8, 0x3022, 8, 0x3025, 24, 0x3033, 1, 0x3040, 8, 0x3038];
+const EGL_CONFIG: [c_int; 13] = [0x3024, 8, 0x3023, 8, 0x3022, 8, 0x3025, 24, 0x3033, 1, 0x3040, 8, 0x3038];
 /// More graphics devices than a machine has.
 const MAX_DEVICES: usize = 32;
 

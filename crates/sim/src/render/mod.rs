@@ -25,6 +25,13 @@ pub enum RenderError {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Pose(Vec<f64>);
 
+impl Pose {
+    /// `(nq)` [m, rad].
+    pub(crate) fn qpos(&self) -> &[f64] {
+        &self.0
+    }
+}
+
 impl Env {
     /// The robot's pose, after a reset or a step.
     pub fn pose(&self) -> Pose {
@@ -54,7 +61,7 @@ const LOOK: Look = Look {
     ambient: 0.45,
     headlight: 0.35,
     sunlight: 0.45,
-    shadow_pixels: 1024,
+    shadow_pixels: 1536,
     num_samples: 4,
 };
 
@@ -117,7 +124,7 @@ impl Renderer {
     fn draw_panel(&mut self, area: Area, panel: &Panel<'_>) {
         let camera = camera::beside(panel.target, self.reach_m, self.slope_rad);
         let sun = camera::sun_above(panel.target, self.reach_m);
-        self.painter.pose(&panel.pose.0);
+        self.painter.pose(panel.pose.qpos());
         self.painter.draw(area, &camera, &sun, &self.marks(panel.target));
         self.painter.write(panel.title, Letters::Large, [0.03, 0.91], TEXT_RGB);
         self.painter.write(panel.subtitle, Letters::Large, [0.03, 0.82], TEXT_RGB);
@@ -126,8 +133,6 @@ impl Renderer {
 
     /// Lines on the ground around the target, and the sky: a wall so far away that the haze hides it.
     fn marks(&self, target: [f64; 2]) -> Vec<Mark> {
-        /// Just above the ground [m].
-        const HEIGHT_M: f64 = 0.0005;
         let haze_m = LINES_REACH * self.reach_m;
         let reach_m = haze_m.min(MAX_LINES as f64 / 2.0 * LINE_SPACING_M);
         let mut marks = Vec::new();
@@ -136,11 +141,12 @@ impl Renderer {
             let last = ((target[axis] + reach_m) / LINE_SPACING_M).floor() as i64;
             for number in first..=last {
                 let is_metre = axis == 0 && number % LINES_PER_METRE == 0;
-                let (half_width, rgb) = if is_metre { (METRE_LINE_M, METRE_LINE_RGB) } else { (LINE_M, LINE_RGB) };
-                let mut position = [target[0], target[1], HEIGHT_M];
+                let (half_width_m, rgb) = if is_metre { (METRE_LINE_M, METRE_LINE_RGB) } else { (LINE_M, LINE_RGB) };
+                let mut position = [target[0], target[1], 0.0];
                 position[axis] = number as f64 * LINE_SPACING_M;
-                let mut half_size = [reach_m, reach_m, HEIGHT_M];
-                half_size[axis] = half_width;
+                // Wide lines are a little higher, so that they lie on the others where they cross.
+                let mut half_size = [reach_m, reach_m, half_width_m / 4.0];
+                half_size[axis] = half_width_m;
                 marks.push(Mark { position, half_size, rgb });
             }
         }

@@ -65,7 +65,7 @@ impl Gif {
             entries.iter().zip(&self.shown).map(|(&new, &old)| if new == old { AS_BEFORE } else { new }).collect()
         };
         let frame = Frame {
-            delay: delay_hundredths(self.num_frames, self.settings.frames_per_s),
+            delay: delay_hundredths(self.num_frames, self.settings.clock.frames_per_s),
             transparent: Some(AS_BEFORE),
             width: self.settings.size[0] as u16,
             height: self.settings.size[1] as u16,

@@ -12,25 +12,16 @@ use canter_sim::render::{Panel, RenderError, Renderer};
 
 use self::gif::Gif;
 use self::mp4::Mp4;
-use self::take::{Shot, Take};
+use self::take::{Clock, Shot, Take};
 use crate::run_directory::RunError;
 
-/// How long a film is and how large its pictures are.
+/// When a film's pictures are taken and how large they are.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FilmSettings {
-    /// Length of the film [s].
-    pub length_s: f64,
-    /// Pictures for each second [1/s].
-    pub frames_per_s: u32,
+    /// When.
+    pub clock: Clock,
     /// Width and height of a picture in pixels; even numbers, as video needs them.
     pub size: [u32; 2],
-}
-
-impl FilmSettings {
-    /// How many pictures the film has; at least one.
-    pub fn num_frames(&self) -> usize {
-        ((self.length_s * f64::from(self.frames_per_s)).round() as usize).max(1)
-    }
 }
 
 /// Why there is no film.
@@ -137,7 +128,7 @@ pub fn film(
 ) -> Result<bool, FilmError> {
     let slope_deg = takes.first().map_or(0.0, |take| take.slope_deg);
     let mut renderer = Renderer::new(robot, settings.size, slope_deg.to_radians())?;
-    let num_frames = settings.num_frames();
+    let num_frames = settings.clock.num_frames();
     let samples = || {
         let numbers = (0..NUM_SAMPLES).map(|i| i * num_frames / NUM_SAMPLES);
         numbers.flat_map(|number| draw(&mut renderer, takes, number).to_vec()).collect()

@@ -23,7 +23,12 @@ impl Mp4 {
         let [width, height] = settings.size;
         let mut ffmpeg = Command::new("ffmpeg");
         ffmpeg.args(["-hide_banner", "-loglevel", "error", "-y", "-f", "rawvideo", "-pixel_format", "rgb24"]);
-        ffmpeg.args(["-video_size", &format!("{width}x{height}"), "-framerate", &settings.frames_per_s.to_string()]);
+        ffmpeg.args([
+            "-video_size",
+            &format!("{width}x{height}"),
+            "-framerate",
+            &settings.clock.frames_per_s.to_string(),
+        ]);
         // Most players show nothing but yuv420p; faststart lets a browser begin before it has the whole file.
         ffmpeg.args(["-i", "-", "-pix_fmt", "yuv420p", "-movflags", "+faststart", "-f", "mp4"]);
         ffmpeg.arg(file.temporary_path());

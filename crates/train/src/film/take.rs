@@ -3,10 +3,26 @@
 use canter_sim::render::Pose;
 use canter_sim::{Accident, Env, Task};
 
-use super::{FilmError, FilmSettings};
+use super::FilmError;
 use crate::config::EvaluationSettings;
 use crate::evaluate::{Mover, evaluation_task, run_episode};
 use crate::trajectory::RECORDED_EPISODE;
+
+/// When the pictures of a film are taken.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Clock {
+    /// Length of the film [s].
+    pub length_s: f64,
+    /// Pictures each second [1/s].
+    pub frames_per_s: u32,
+}
+
+impl Clock {
+    /// How many pictures there are; at least one.
+    pub fn num_frames(self) -> usize {
+        ((self.length_s * f64::from(self.frames_per_s)).round() as usize).max(1)
+    }
+}
 
 /// A gait as a film shows it.
 #[derive(Clone, Debug, PartialEq)]
@@ -54,11 +70,11 @@ pub fn shoot(
     task: &Task,
     mover: Mover<'_>,
     evaluation: &EvaluationSettings,
-    film: &FilmSettings,
+    clock: Clock,
     label: &str,
 ) -> Result<Take, FilmError> {
     // The start depends on the seed alone, so the steps are those of the evaluation for as long as both last.
-    let settings = EvaluationSettings { episode_s: film.length_s, settle_s: 0.0, ..evaluation.clone() };
+    let settings = EvaluationSettings { episode_s: clock.length_s, settle_s: 0.0, ..evaluation.clone() };
     let task = evaluation_task(task, &settings);
     let mut env = Env::new(task.clone());
     let mut moments = Vec::new();
@@ -78,13 +94,13 @@ pub fn shoot(
         label: label.to_owned(),
         slope_deg: task.settings.slope_deg,
         accident: episode.accident.map(|accident| (accident, end_s)),
-        shots: (0..film.num_frames()).map(|number| shot(&moments, control_dt_s, film, number)).collect(),
+        shots: (0..clock.num_frames()).map(|number| shot(&moments, control_dt_s, clock, number)).collect(),
     })
 }
 
 /// Picture number `number`, of the env step that is nearest to its time; there is none before the first.
-fn shot(moments: &[Moment], control_dt_s: f64, film: &FilmSettings, number: usize) -> Shot {
-    let time_s = number as f64 / f64::from(film.frames_per_s);
+fn shot(moments: &[Moment], control_dt_s: f64, clock: Clock, number: usize) -> Shot {
+    let time_s = number as f64 / f64::from(clock.frames_per_s);
     let env_step = ((time_s / control_dt_s).round() as usize).max(1);
     let last = (env_step - 1).min(moments.len() - 1);
     let Moment { pose, position_m } = &moments[last];

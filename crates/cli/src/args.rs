@@ -178,9 +178,11 @@ Examples:
   canter film runs/doggo-1-1 --slope 5             five degrees uphill
   canter film runs/doggo-1-1 --out doggo.mp4 --fps 50 --size 1920x720
 
-Both gaits walk the evaluation's first episode, from the same start and at the same clock. Speed and way count from the
-start. Drawing needs no screen and no graphics card, but OpenGL: EGL or OSMesa; MUJOCO_GL=egl or osmesa takes that one.
-A .gif file needs nothing else, an .mp4 file the program ffmpeg.")]
+Both gaits walk the evaluation's first episode, from the same start and at the same clock. Speed
+and way count from the start.
+
+Drawing needs neither screen nor graphics card, but OpenGL: EGL or OSMesa; MUJOCO_GL=egl or osmesa
+takes that one. A .gif file needs nothing else, an .mp4 file the program ffmpeg.")]
 pub struct FilmArgs {
     /// The run directory of a trained policy
     pub run: PathBuf,
@@ -196,15 +198,19 @@ pub struct FilmArgs {
     /// Width and height in pixels, two even numbers: 320x120 to 3840x2160
     #[arg(long, value_name = "WxH", default_value = "960x360", value_parser = film_size)]
     pub size: [u32; 2],
-    /// Pictures each second; a GIF of 25 plays alike everywhere
+    /// Pictures each second
     #[arg(long, value_name = "N", default_value = "25", value_parser = clap::value_parser!(u32).range(1..=50))]
     pub fps: u32,
 }
 
 #[derive(Debug, Args)]
 #[command(after_help = "\
-A build has the viewer with the feature `view`: cargo build --release --package canter --features view.
-It shows the evaluation's first episode at the clock of a real robot, over and over, until its window is closed.")]
+The viewer is in builds with the feature `view`:
+  cargo build --release --package canter --features view
+
+It shows the evaluation's first episode at the clock of a real robot, over and over, until its
+window is closed. A slope looks level: the simulator tilts gravity, not the ground. The keys [ and ]
+change to the cameras of the robot's model, which follow it; F1 lists the others.")]
 pub struct ViewArgs {
     /// The run directory of a trained policy
     pub run: PathBuf,

@@ -102,7 +102,7 @@ pub struct Painter {
     option: MjvOption,
     context: MjrContext,
     /// `context` lives on it and has to be dropped before it: fields are dropped in their order.
-    _gl: GlContext,
+    gl: GlContext,
     picture: Area,
     sunlight: f32,
 }
@@ -163,7 +163,7 @@ impl Painter {
             _ => MjtFontScale::mjFONTSCALE_300,
         };
         context.change_font(scale);
-        Self { data: MjData::new(model), scene, option, context, _gl: gl, picture, sunlight: look.sunlight }
+        Self { data: MjData::new(model), scene, option, context, gl, picture, sunlight: look.sunlight }
     }
 
     /// Puts the model into a pose.
@@ -175,8 +175,9 @@ impl Painter {
         self.data.kinematics();
     }
 
-    /// Fills the whole picture with one colour.
-    pub fn clear(&mut self, [r, g, b]: [f32; 3]) {
+    /// Begins a picture: all of it has this colour, from 0 to 1.
+    pub fn begin(&mut self, [r, g, b]: [f32; 3]) {
+        self.gl.make_current();
         // SAFETY: a rectangle of the picture that the context draws into.
         unsafe { mjr_rectangle(self.picture.to_mujoco(), r, g, b, 1.0) };
     }
@@ -276,5 +277,12 @@ impl Painter {
         for (above, below) in upper.chunks_exact_mut(row).zip(lower.chunks_exact_mut(row).rev()) {
             above.swap_with_slice(below);
         }
+    }
+}
+
+impl Drop for Painter {
+    fn drop(&mut self) {
+        // What is to be freed lies in this context, and another one may be current.
+        self.gl.make_current();
     }
 }

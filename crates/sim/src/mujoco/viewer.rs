@@ -15,6 +15,9 @@ pub enum ViewError {
     /// Neither of the variables that name a screen is set.
     #[error("there is no screen: neither DISPLAY nor WAYLAND_DISPLAY is set")]
     NoScreen,
+    /// The screen that they name does not answer.
+    #[error("the screen that DISPLAY or WAYLAND_DISPLAY names does not answer")]
+    NoAnswer,
     /// What the viewer said.
     #[error("{}", with_sources(.0))]
     Viewer(#[source] MjViewerError),
@@ -22,7 +25,7 @@ pub enum ViewError {
 
 /// An error and what it came from, in one line.
 fn with_sources(error: &dyn Error) -> String {
-    let sources = std::iter::successors(Some(error), |error| error.source());
+    let sources = std::iter::successors(Some(error), |&error| error.source());
     sources.map(ToString::to_string).collect::<Vec<_>>().join(": ")
 }
 
@@ -45,7 +48,11 @@ impl Viewer {
         }
         let data = MjData::new(Box::new(robot.model.raw().clone()));
         let window = MjViewer::builder().window_name(title.to_owned()).build_passive(data.model());
-        Ok(Self { window: window.map_err(ViewError::Viewer)?, data })
+        let window = window.map_err(|error| match error {
+            MjViewerError::EventLoopError(_) => ViewError::NoAnswer,
+            error => ViewError::Viewer(error),
+        })?;
+        Ok(Self { window, data })
     }
 
     /// Shows the robot in a pose and does what the user asks of the window. Returns whether it is still open.

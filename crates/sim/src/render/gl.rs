@@ -15,6 +15,9 @@ const EGL: &str = "libEGL.so.1";
 /// The newest is first; each has the same interface.
 const OSMESA: [&str; 2] = ["libOSMesa.so.8", "libOSMesa.so.6"];
 
+/// What MuJoCo's own programs ask for.
+const DEPTH_BITS: c_int = 24;
+
 /// MuJoCo's own variable, which its Python package obeys too: `egl` or `osmesa` takes that one alone.
 const CHOICE: &str = "MUJOCO_GL";
 
@@ -47,6 +50,18 @@ impl GlContext {
         }
         Err(RenderError::NoOpenGl(reasons))
     }
+
+    /// Takes OpenGL's calls on this thread from now on: another context may have had them.
+    ///
+    /// # Panics
+    /// The driver refuses, which it did not in [`new`](Self::new).
+    pub fn make_current(&mut self) {
+        let is_current = match self {
+            Self::Egl(context) => context.egl.make_current(context.display, context.context),
+            Self::OsMesa(context) => context.make_current(),
+        };
+        assert!(is_current, "OpenGL's driver refuses a context that it gave");
+    }
 }
 
 type Handle = *mut c_void;
@@ -65,8 +80,21 @@ type EglGetPlatformDisplay = unsafe extern "C" fn(c_uint, Handle, *const c_int) 
 const EGL_OPENGL_API: c_uint = 0x30A2;
 const EGL_PLATFORM_DEVICE_EXT: c_uint = 0x313F;
 const EGL_PLATFORM_SURFACELESS_MESA: c_uint = 0x31DD;
-/// Pairs of name and value: 8 bits a colour, 24 of depth, pictures that are no window, OpenGL; then EGL_NONE.
-const EGL_CONFIG: [c_int; 13] = [0x3024, 8, 0x3023, 8, 0x3022, 8, 0x3025, 24, 0x3033, 1, 0x3040, 8, 0x3038];
+const EGL_BLUE_SIZE: c_int = 0x3022;
+const EGL_GREEN_SIZE: c_int = 0x3023;
+const EGL_RED_SIZE: c_int = 0x3024;
+const EGL_DEPTH_SIZE: c_int = 0x3025;
+const EGL_SURFACE_TYPE: c_int = 0x3033;
+const EGL_NONE: c_int = 0x3038;
+const EGL_RENDERABLE_TYPE: c_int = 0x3040;
+const EGL_PBUFFER_BIT: c_int = 1;
+const EGL_OPENGL_BIT: c_int = 8;
+/// Names and values of what a context has to give: colours, depth, no window, OpenGL.
+#[rustfmt::skip]
+const EGL_CONFIG: [c_int; 13] = [
+    EGL_RED_SIZE, 8, EGL_GREEN_SIZE, 8, EGL_BLUE_SIZE, 8, EGL_DEPTH_SIZE, DEPTH_BITS,
+    EGL_SURFACE_TYPE, EGL_PBUFFER_BIT, EGL_RENDERABLE_TYPE, EGL_OPENGL_BIT, EGL_NONE,
+];
 /// More graphics devices than a machine has.
 const MAX_DEVICES: usize = 32;
 
@@ -147,12 +175,17 @@ impl Egl {
             if context.is_null() {
                 return None;
             }
-            if (self.make_current)(display, ptr::null_mut(), ptr::null_mut(), context) == 0 {
+            if !self.make_current(display, context) {
                 (self.destroy_context)(display, context);
                 return None;
             }
             Some(context)
         }
+    }
+
+    fn make_current(&self, display: Handle, context: Handle) -> bool {
+        // SAFETY: both are of EGL and alive, or the context is null: none.
+        unsafe { (self.make_current)(display, ptr::null_mut(), ptr::null_mut(), context) != 0 }
     }
 }
 
@@ -169,12 +202,10 @@ impl EglContext {
 
 impl Drop for EglContext {
     fn drop(&mut self) {
+        self.egl.make_current(self.display, ptr::null_mut());
         // SAFETY: display and context are those that `new` made, on this thread. The display is left as it is: another
         // context of this process may be on it.
-        unsafe {
-            (self.egl.make_current)(self.display, ptr::null_mut(), ptr::null_mut(), ptr::null_mut());
-            (self.egl.destroy_context)(self.display, self.context);
-        }
+        unsafe { (self.egl.destroy_context)(self.display, self.context) };
     }
 }
 
@@ -184,46 +215,45 @@ type OsMesaDestroyContext = unsafe extern "C" fn(Handle);
 
 const OSMESA_RGBA: c_uint = 0x1908;
 const GL_UNSIGNED_BYTE: c_uint = 0x1401;
-const DEPTH_BITS: c_int = 24;
 /// Side of the picture that OSMesa wants, in pixels. MuJoCo draws into buffers of its own.
 const OSMESA_SIDE: usize = 16;
 
 /// A context with the small picture that OSMesa cannot do without.
 #[derive(Debug)]
 pub struct OsMesaContext {
+    make_current: OsMesaMakeCurrent,
     destroy_context: OsMesaDestroyContext,
     context: Handle,
-    _picture: Box<[[u8; 4]]>,
+    picture: Box<[[u8; 4]]>,
 }
 
 impl OsMesaContext {
     fn new() -> Result<Self, String> {
         let library = OSMESA.iter().find_map(|name| load(name, RTLD_GLOBAL).ok());
         let library = library.ok_or_else(|| format!("there is no {}", OSMESA[0]))?;
-        let mut picture = vec![[0; 4]; OSMESA_SIDE * OSMESA_SIDE].into_boxed_slice();
-        // SAFETY: the types are those that OSMesa's header gives the functions of these names; the picture has four
-        // bytes for each pixel, and lives as long as the context.
-        unsafe {
+        // SAFETY: the types are those that OSMesa's header gives the functions of these names; no other context is shared.
+        let mut made = unsafe {
             let create_context: OsMesaCreateContext = function(library, c"OSMesaCreateContextExt")?;
-            let make_current: OsMesaMakeCurrent = function(library, c"OSMesaMakeCurrent")?;
-            let destroy_context: OsMesaDestroyContext = function(library, c"OSMesaDestroyContext")?;
-            let context = create_context(OSMESA_RGBA, DEPTH_BITS, 0, 0, ptr::null_mut());
-            if context.is_null() {
-                return Err("it gives no context".to_owned());
+            Self {
+                make_current: function(library, c"OSMesaMakeCurrent")?,
+                destroy_context: function(library, c"OSMesaDestroyContext")?,
+                context: create_context(OSMESA_RGBA, DEPTH_BITS, 0, 0, ptr::null_mut()),
+                picture: vec![[0; 4]; OSMESA_SIDE * OSMESA_SIDE].into_boxed_slice(),
             }
-            let side = OSMESA_SIDE as c_int;
-            if make_current(context, picture.as_mut_ptr().cast(), GL_UNSIGNED_BYTE, side, side) == 0 {
-                destroy_context(context);
-                return Err("its context cannot be used".to_owned());
-            }
-            Ok(Self { destroy_context, context, _picture: picture })
-        }
+        };
+        if !made.context.is_null() && made.make_current() { Ok(made) } else { Err("it gives no context".to_owned()) }
+    }
+
+    fn make_current(&mut self) -> bool {
+        let (picture, side) = (self.picture.as_mut_ptr().cast(), OSMESA_SIDE as c_int);
+        // SAFETY: the context is alive, and the picture has four bytes for each pixel and lives as long.
+        unsafe { (self.make_current)(self.context, picture, GL_UNSIGNED_BYTE, side, side) != 0 }
     }
 }
 
 impl Drop for OsMesaContext {
     fn drop(&mut self) {
-        // SAFETY: the context is the one that `new` made, on this thread; its picture is freed after it.
+        // SAFETY: the context is the one that `new` made, or null, which is none; its picture is freed after it.
         unsafe { (self.destroy_context)(self.context) };
     }
 }

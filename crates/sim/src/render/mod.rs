@@ -109,7 +109,7 @@ impl Renderer {
 
     /// Draws the panels from left to right. Row by row from the top, three bytes a pixel: red, green, blue.
     pub fn draw(&mut self, panels: &[Panel<'_>]) -> &[u8] {
-        self.painter.clear(GAP_RGB);
+        self.painter.begin(GAP_RGB);
         let [width, height] = self.size;
         let count = panels.len().max(1) as u32;
         let panel_width = (width - GAP_PIXELS * (count - 1)) / count;

@@ -110,7 +110,7 @@ mod tests {
 
     #[test]
     fn hundredths_of_a_second_add_up() {
-        let delays = |frames_per_s| (0..frames_per_s).map(|number| delay_hundredths(number, frames_per_s));
+        let delays = |frames_per_s| (0..frames_per_s).map(move |number| delay_hundredths(number, frames_per_s));
         for frames_per_s in 1..=50 {
             assert_eq!(delays(frames_per_s).map(u32::from).sum::<u32>(), 100, "{frames_per_s}");
         }

@@ -5,6 +5,7 @@ mod gif;
 mod mp4;
 pub mod take;
 
+use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
 use canter_sim::Robot;
@@ -70,7 +71,7 @@ impl Format {
     /// # Errors
     /// Another ending.
     pub fn of(path: &Path) -> Result<Self, FilmError> {
-        let ending = path.extension().map(|ending| ending.to_ascii_lowercase());
+        let ending = path.extension().map(OsStr::to_ascii_lowercase);
         match ending.as_ref().and_then(|ending| ending.to_str()) {
             Some("gif") => Ok(Self::Gif),
             Some("mp4") => Ok(Self::Mp4),
@@ -81,7 +82,7 @@ impl Format {
 
 /// A film that grows picture by picture; the file is in its place when it is finished.
 enum FilmFile {
-    Gif(Gif),
+    Gif(Box<Gif>),
     Mp4(Mp4),
 }
 
@@ -89,7 +90,7 @@ impl FilmFile {
     /// `samples` are pictures that show every colour of the film.
     fn create(path: &Path, settings: &FilmSettings, samples: impl FnOnce() -> Vec<u8>) -> Result<Self, FilmError> {
         Ok(match Format::of(path)? {
-            Format::Gif => Self::Gif(Gif::create(path, settings, &samples())?),
+            Format::Gif => Self::Gif(Box::new(Gif::create(path, settings, &samples())?)),
             Format::Mp4 => Self::Mp4(Mp4::create(path, settings)?),
         })
     }

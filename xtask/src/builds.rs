@@ -69,7 +69,7 @@ pub fn test(root: &Path) -> Result<(), Failure> {
 
 /// Tests of films, which need OpenGL and ffmpeg: plain `cargo test` leaves them out.
 pub fn test_films(root: &Path) -> Result<(), Failure> {
-    let films = ["--release", "--package", "canter-train", "--test", "film", "--", "--ignored"];
+    let films = ["--release", "--package", "canter-train", "--package", "canter", "--test", "film", "--", "--ignored"];
     passed(cargo(root, "test").args(films).status().map_err(cannot_start_cargo)?)
 }
 

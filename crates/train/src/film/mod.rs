@@ -1,5 +1,5 @@
-//! A film of gaits side by side at the same clock: [`take`] walks an episode, `sim`'s renderer draws it, [`gif`] and
-//! [`mp4`] write the file.
+//! A film of gaits side by side at the same clock: [`take`] walks an episode, `sim`'s renderer draws it, `gif` and
+//! `mp4` write the file.
 
 mod gif;
 mod mp4;

@@ -210,7 +210,7 @@ The viewer is in builds with the feature `view`:
 
 It shows the evaluation's first episode at the clock of a real robot, over and over, until its
 window is closed. A slope looks level: the simulator tilts gravity, not the ground. The keys [ and ]
-change to the cameras of the robot's model, which follow it; F1 lists the others.")]
+change to the cameras of the robot's model, which may follow it; Control + Q closes the window.")]
 pub struct ViewArgs {
     /// The run directory of a trained policy
     pub run: PathBuf,

@@ -108,14 +108,14 @@ fn pictures_change_as_the_robot_moves_and_the_ground_tilts() {
 fn renderers_of_one_thread_do_not_draw_into_each_other() {
     let (resolved, take) = take(&[], SETTINGS.clock);
     let shot = &take.shots[0];
-    let panel = Panel { pose: &shot.pose, target: shot.target_m, title: "", subtitle: "", footer: "" };
+    let panel = [Panel { pose: &shot.pose, target: shot.target_m, title: "", subtitle: "", footer: "" }];
     let new = |slope_rad| Renderer::new(&resolved.task.robot, SIZE, slope_rad).unwrap();
     let (mut level, mut tilted) = (new(0.0), new(0.2));
-    let first = level.draw(&[panel.clone()]).to_vec();
-    let other = tilted.draw(&[panel.clone()]).to_vec();
-    assert!(level.draw(&[panel.clone()]) == first && other != first);
+    let first = level.draw(&panel).to_vec();
+    let other = tilted.draw(&panel).to_vec();
+    assert!(level.draw(&panel) == first && other != first);
     drop(tilted);
-    assert!(level.draw(&[panel]) == first);
+    assert!(level.draw(&panel) == first);
 }
 
 /// Writes the film of two gaits, or gives it up after some pictures.

@@ -16,6 +16,7 @@ pub fn view(args: &ViewArgs) -> Result<ExitCode, CliError> {
     use canter_train::film::take::{Clock, shoot};
 
     use crate::commands::{learned, with_slope};
+    use crate::output::say;
 
     /// What a screen shows each second, mostly.
     const FRAMES_PER_S: u32 = 60;
@@ -25,6 +26,7 @@ pub fn view(args: &ViewArgs) -> Result<ExitCode, CliError> {
     let clock = Clock { length_s: evaluation.episode_s, frames_per_s: FRAMES_PER_S };
     let take = shoot(task, Mover::Policy(&policy.policy()), evaluation, clock, "learned gait")?;
     let mut viewer = Viewer::open(&task.robot, &format!("canter: {}", args.run.display()))?;
+    say("In the window, [ and ] change to the model's cameras, which may follow the robot; Control + Q closes it.");
     let begin = Instant::now();
     let mut number: u32 = 0;
     while viewer.show(&take.shots[number as usize % take.shots.len()].pose)? {

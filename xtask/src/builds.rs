@@ -67,6 +67,12 @@ pub fn test(root: &Path) -> Result<(), Failure> {
     passed(status)
 }
 
+/// Tests of films, which need OpenGL and ffmpeg: plain `cargo test` leaves them out.
+pub fn test_films(root: &Path) -> Result<(), Failure> {
+    let films = ["--release", "--package", "canter-train", "--package", "canter", "--test", "film", "--", "--ignored"];
+    passed(cargo(root, "test").args(films).status().map_err(cannot_start_cargo)?)
+}
+
 /// Builds `no-std-proof`, which cannot be built when `gait` brings in `std` or `alloc`.
 pub fn no_std(root: &Path) -> Result<(), Failure> {
     let package = root.join("xtask").join("no-std-proof");

@@ -22,7 +22,7 @@ Usage: cargo xtask <TASK>
 Tasks:
   canter ARGS...       build the program `canter` and run it with ARGS; `cargo canter ARGS...` is the same
   setup                fetch the physics engine MuJoCo into .mujoco/ (26 MB, once); canter and test do it when needed
-  test [--full]        run every test and documentation example; --full adds those that need Python packages
+  test [--full]        run every test and documentation example; --full adds those that need other programs
   layering             check which crate uses which, which may print, and that gait uses no std
   equations [--check]  write docs/equations.md from the doc comments; --check fails when the file is out of date
   no-std               prove by a build that gait needs no standard library
@@ -79,6 +79,7 @@ fn run(task: Option<OsString>, arguments: &[OsString]) -> Result<(), Failure> {
             mujoco::ensure(&root)?;
             builds::test(&root)?;
             if full {
+                builds::test_films(&root)?;
                 full::tensorboard(&root)?;
                 browser::test(&root)?;
             }

@@ -31,6 +31,10 @@ pub enum Command {
     Compare(CompareArgs),
     /// Draw runs or a comparison: one HTML page, figures, tables
     Report(ReportArgs),
+    /// Film the prior and the learned gait side by side
+    Film(FilmArgs),
+    /// Watch the learned gait in MuJoCo's viewer
+    View(ViewArgs),
     /// List the robots, or explain one
     Robots(RobotsArgs),
     /// Print a preset with the meaning of every value
@@ -168,6 +172,54 @@ pub struct ReportArgs {
 }
 
 #[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  canter film runs/doggo-1-1                       5 s as RUN/film.gif
+  canter film runs/doggo-1-1 --slope 5             five degrees uphill
+  canter film runs/doggo-1-1 --out doggo.mp4 --fps 50 --size 1920x720
+
+Both gaits walk the evaluation's first episode, from the same start and at the same clock. Speed
+and way count from the start.
+
+Drawing needs neither screen nor graphics card, but OpenGL: EGL or OSMesa; MUJOCO_GL=egl or osmesa
+takes that one. A .gif file needs nothing else, an .mp4 file the program ffmpeg.")]
+pub struct FilmArgs {
+    /// The run directory of a trained policy
+    pub run: PathBuf,
+    /// The film, .gif or .mp4; `RUN/film.gif` if not given
+    #[arg(long, value_name = "FILE")]
+    pub out: Option<PathBuf>,
+    /// Length of the film in seconds, 0.1 to 60
+    #[arg(long, value_name = "S", default_value = "5", value_parser = film_seconds, allow_negative_numbers = true)]
+    pub seconds: f64,
+    /// Slope of the ground in degrees, positive uphill; the run's own if not given
+    #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
+    pub slope: Option<f64>,
+    /// Width and height in pixels, two even numbers: 320x120 to 3840x2160
+    #[arg(long, value_name = "WxH", default_value = "960x360", value_parser = film_size)]
+    pub size: [u32; 2],
+    /// Pictures each second
+    #[arg(long, value_name = "N", default_value = "25", value_parser = clap::value_parser!(u32).range(1..=50))]
+    pub fps: u32,
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "\
+The viewer is in builds with the feature `view`:
+  cargo build --release --package canter --features view
+
+It shows the evaluation's first episode at the clock of a real robot, over and over, until its
+window is closed. A slope looks level: the simulator tilts gravity, not the ground. The keys [ and ]
+change to the cameras of the robot's model, which may follow it; Control + Q closes the window.")]
+pub struct ViewArgs {
+    /// The run directory of a trained policy
+    pub run: PathBuf,
+    /// Slope of the ground in degrees, positive uphill; the run's own if not given
+    #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
+    pub slope: Option<f64>,
+}
+
+#[derive(Debug, Args)]
 pub struct RobotsArgs {
     /// Name of a robot, or path of a robot.toml: prints it with the meaning of every value
     pub robot: Option<String>,
@@ -187,6 +239,23 @@ fn rung(name: &str) -> Result<Rung, String> {
     Rung::from_name(name).ok_or_else(|| format!("there are {}", Rung::ALL.map(Rung::name).join(", ")))
 }
 
+/// The length of a film [s].
+fn film_seconds(text: &str) -> Result<f64, String> {
+    let seconds = text.parse().ok().filter(|seconds| (0.1..=60.0).contains(seconds));
+    seconds.ok_or_else(|| "expected a number from 0.1 to 60".to_owned())
+}
+
+/// Width and height of a film in pixels.
+fn film_size(text: &str) -> Result<[u32; 2], String> {
+    let numbers = text.split_once('x').and_then(|(width, height)| Some([width.parse().ok()?, height.parse().ok()?]));
+    let is_possible = |[width, height]: &[u32; 2]| {
+        (320..=3840).contains(width) && (120..=2160).contains(height) && width % 2 == 0 && height % 2 == 0
+    };
+    numbers.filter(is_possible).ok_or_else(|| {
+        "expected two even numbers with an x between them, from 320x120 to 3840x2160, for example 960x360".to_owned()
+    })
+}
+
 /// `KEY=VALUE` in its two parts.
 fn key_value(text: &str) -> Result<(String, String), String> {
     let (key, value) = text.split_once('=').ok_or("expected KEY=VALUE, for example ppo.gamma=0.98")?;
@@ -201,6 +270,22 @@ mod tests {
     #[test]
     fn the_command_line_is_consistent() {
         Cli::command().debug_assert();
+    }
+
+    #[test]
+    fn a_film_has_a_size_that_video_can_have() {
+        assert_eq!(film_size("960x360"), Ok([960, 360]));
+        for wrong in ["960", "960x", "x360", "961x360", "960x361", "318x120", "3842x2160", "960x-360", "960 x 360"] {
+            assert!(film_size(wrong).is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn a_film_has_a_length() {
+        assert_eq!(film_seconds("2.5"), Ok(2.5));
+        for wrong in ["0", "-1", "61", "NaN", "inf", "long"] {
+            assert!(film_seconds(wrong).is_err(), "{wrong}");
+        }
     }
 
     #[test]

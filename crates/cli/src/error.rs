@@ -2,10 +2,13 @@
 
 use canter_report::ReportError;
 use canter_sim::RobotError;
+#[cfg(feature = "view")]
+use canter_sim::mujoco::viewer::ViewError;
 use canter_sim::settings::Problems;
 use canter_train::checkpoint::CheckpointError;
 use canter_train::compare::CompareError;
 use canter_train::config::ConfigError;
+use canter_train::film::FilmError;
 use canter_train::policy_file::PolicyError;
 use canter_train::run::TrainError;
 use canter_train::run_directory::RunError;
@@ -37,6 +40,17 @@ pub enum CliError {
     Policy(#[from] PolicyError),
     #[error("cannot report: {0}")]
     Report(#[from] ReportError),
+    #[error(transparent)]
+    Film(#[from] FilmError),
+    #[cfg(feature = "view")]
+    #[error("cannot open a window: {0}")]
+    View(#[from] ViewError),
+    #[cfg(not(feature = "view"))]
+    #[error(
+        "this canter was built without its viewer. Build it with `cargo build --release --package canter --features view` \
+         and then run `target/release/canter view {0}`; or write a film with `{1} film {0}`"
+    )]
+    NoViewer(String, String),
     #[error("several runs need a folder for their report; give one with --out DIR")]
     ReportNeedsOut,
     #[error(

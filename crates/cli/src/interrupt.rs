@@ -1,10 +1,14 @@
-//! Ctrl-C and SIGTERM: the first asks the training to stop, the second ends the program.
+//! Ctrl-C and SIGTERM: the first asks the work to stop, the second ends the program.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use crate::error::{CliError, STOPPED};
 use crate::output::complain;
+
+/// What a training says at the first signal.
+pub const STOPPING_TRAINING: &str =
+    "\nstopping after this iteration; once more stops at once, back to the last checkpoint";
 
 /// What a signal does now.
 #[derive(Debug, Default)]
@@ -16,18 +20,18 @@ pub struct Interrupt {
 }
 
 impl Interrupt {
-    /// Listens from now on.
+    /// Listens from now on; the first signal says `notice`.
     ///
     /// # Errors
     /// The system's, if signals cannot be listened to.
-    pub fn listen() -> Result<Arc<Self>, CliError> {
+    pub fn listen(notice: &'static str) -> Result<Arc<Self>, CliError> {
         let interrupt = Arc::new(Self::default());
         let shared = interrupt.clone();
         ctrlc::set_handler(move || {
             if shared.is_saved.load(Ordering::Relaxed) || shared.stop.swap(true, Ordering::Relaxed) {
                 std::process::exit(i32::from(STOPPED));
             }
-            complain("\nstopping after this iteration; once more stops at once, back to the last checkpoint");
+            complain(notice);
         })?;
         Ok(interrupt)
     }

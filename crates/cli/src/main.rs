@@ -22,6 +22,8 @@ fn main() -> ExitCode {
         Command::Eval(args) => commands::eval::eval(&args),
         Command::Compare(args) => commands::compare::compare(&args),
         Command::Report(args) => commands::report::report(&args),
+        Command::Film(args) => commands::film::film(&args),
+        Command::View(args) => commands::view::view(&args),
         Command::Robots(args) => commands::robots::robots(&args),
         Command::Config(args) => commands::config::config(&args),
     };

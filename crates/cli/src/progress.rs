@@ -1,4 +1,4 @@
-//! The progress line of a training or a comparison; nothing unless standard error is a terminal.
+//! The progress line of a training, a comparison or a film; nothing unless standard error is a terminal.
 
 use std::time::{Duration, Instant};
 
@@ -96,6 +96,33 @@ impl CompareLine {
             "{} of {} jobs, {steps_per_s:.0} steps/s, {time_left} left",
             progress.jobs, progress.num_jobs
         ));
+    }
+
+    /// Leaves the line as it is.
+    pub fn finish(self) {
+        self.bar.abandon();
+    }
+}
+
+/// Shows how many pictures of a film there are.
+pub struct FilmLine {
+    bar: ProgressBar,
+    begin: Instant,
+    num_frames: usize,
+}
+
+impl FilmLine {
+    /// A line for a film that begins now.
+    pub fn new(num_frames: usize) -> Self {
+        Self { bar: bar(), begin: Instant::now(), num_frames }
+    }
+
+    /// Shows how many pictures there are so far.
+    pub fn show(&self, frames: usize) {
+        let share = frames as f64 / self.num_frames as f64;
+        let time_left = minutes(self.begin.elapsed().as_secs_f64() * (1.0 - share) / share);
+        self.bar.set_position((share * TICKS as f64) as u64);
+        self.bar.set_message(format!("{frames} of {} pictures, {time_left} left", self.num_frames));
     }
 
     /// Leaves the line as it is.

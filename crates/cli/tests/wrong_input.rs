@@ -238,7 +238,7 @@ fn a_robot_that_does_not_fit_its_model() {
 
 #[test]
 fn run_directories_that_cannot_be_read() {
-    for command in ["eval", "resume"] {
+    for command in ["eval", "resume", "film"] {
         assert_refused(&[command, "nowhere"], "nowhere: no run directory: it has no config.toml");
         let folder = TemporaryFolder::new();
         fs::create_dir(folder.join("empty")).unwrap();
@@ -272,6 +272,7 @@ fn runs_without_policy_or_checkpoint() {
     fs::write(folder.join("run/config.toml"), config).unwrap();
     let message = "run: no policy yet, the training has not ended; `canter resume run` goes on with it";
     assert_refused_in(&folder, &["eval", "run"], message);
+    assert_refused_in(&folder, &["film", "run"], message);
     assert_refused_in(&folder, &["resume", "run"], "run/checkpoints: no checkpoint to go on from: there is none");
 }
 
@@ -313,6 +314,33 @@ fn evaluations_that_cannot_be() {
         let message = format!("--set {}: {message}", key_and_value.replace(" = ", "="));
         assert_refused(&["eval", "--robot", "doggo", "--prior", "sine", option, value], &message);
     }
+}
+
+#[test]
+fn films_that_cannot_be() {
+    assert_refused(&["film", "run", "--out", "film.avi"], "film.avi: the name of a film ends in .gif or .mp4");
+    assert_refused(&["film", "run", "--out", "film"], "film: the name of a film ends in .gif or .mp4");
+    for (option, value, words) in [
+        (
+            "--size <WxH>",
+            "961x360",
+            "expected two even numbers with an x between them, from 320x120 to 3840x2160, for example 960x360\n",
+        ),
+        ("--seconds <S>", "-1", "expected a number from 0.1 to 60\n"),
+        ("--fps <N>", "60", "60 is not in 1..=50\n"),
+    ] {
+        let (name, _) = option.split_once(' ').unwrap();
+        let start = format!("error: invalid value '{value}' for '{option}': {words}");
+        assert_wrong_usage(&["film", "run", name, value], &start);
+    }
+}
+
+#[test]
+#[cfg(not(feature = "view"))]
+fn a_build_without_the_viewer_says_how_to_get_it() {
+    let message = "this canter was built without its viewer. Build it with `cargo build --release --package canter \
+                   --features view` and then run `target/release/canter view run`; or write a film with `canter film run`";
+    assert_refused(&["view", "run"], message);
 }
 
 #[test]

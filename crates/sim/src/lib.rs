@@ -2,7 +2,8 @@
 //!
 //! The way of the data: [`robot`] reads `robot.toml` and the MJCF; [`task`] adds what is asked of the robot and what a
 //! policy may see and change; [`env`] steps it, with the [`motor`] model, the [`reward`] (eq. 6) and the [`accident`]s.
-//! The controller itself is `canter_gait`'s, the code that runs on the robot. Only [`mujoco`] names MuJoCo.
+//! The controller itself is `canter_gait`'s, the code that runs on the robot. [`render`] draws robots. Only [`mujoco`] names
+//! MuJoCo.
 
 pub mod accident;
 pub mod env;
@@ -10,6 +11,7 @@ pub mod forward;
 pub mod frame;
 pub mod motor;
 pub mod mujoco;
+pub mod render;
 pub mod reward;
 pub mod robot;
 pub mod settings;

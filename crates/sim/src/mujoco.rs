@@ -1,4 +1,8 @@
-//! The one place that names MuJoCo: loading a model, stepping it, reading and restoring its state.
+//! The one place that names MuJoCo: loading a model, stepping it, reading and restoring its state, and drawing it.
+
+pub mod painter;
+#[cfg(feature = "view")]
+pub mod viewer;
 
 use std::path::Path;
 use std::sync::{Mutex, Once, PoisonError};
@@ -138,6 +142,16 @@ impl Model {
         let [w, x, y, _] = self.0.geom_quat()[geom];
         let is_level = x.abs() < 1e-9 && y.abs() < 1e-9 && w.is_finite();
         is_plane && is_level && self.0.geom_bodyid()[geom] == 0 && self.0.geom_pos()[geom][2].abs() < 1e-9
+    }
+
+    /// Whether the geom belongs to a body that can move, and not to the world.
+    pub fn is_on_robot(&self, geom: usize) -> bool {
+        self.0.geom_bodyid()[geom] != 0
+    }
+
+    /// Radius of a sphere around the geom's centre that holds all of it [m].
+    pub fn bounding_radius_m(&self, geom: usize) -> f64 {
+        self.0.geom_rbound()[geom]
     }
 
     /// Makes MuJoCo obey [`Simulation::set_torque_range`] for a joint, whatever the model's file says.

@@ -3,7 +3,7 @@
 //! The way of the data: [`config`] resolves a preset into a robot and a task; [`trainer`] owns the environments and the
 //! networks and does one iteration at a time, on the threads of [`executor`]; [`run`] is the loop around it and writes
 //! [`run_directory`]'s files, among them [`checkpoint`]s, the [`policy_file`] and [`tensorboard`]'s curves; [`evaluate`]
-//! measures what was learned, its [`footfall`]s among it, and [`trajectory`] records it step by step. [`search`] tunes a
+//! measures what was learned, its [`footfall`]s among it, [`trajectory`] records it step by step, and [`film`] shows it. [`search`] tunes a
 //! gait without learning, [`compare`] sets all that side by side.
 
 pub mod checkpoint;
@@ -13,6 +13,7 @@ pub mod config;
 pub mod environment;
 pub mod evaluate;
 pub mod executor;
+pub mod film;
 pub mod footfall;
 pub mod policy_file;
 pub mod run;

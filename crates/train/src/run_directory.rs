@@ -335,24 +335,61 @@ pub(crate) fn create_numbered(folder: &Path, stem: &str) -> Result<PathBuf, RunE
     }
 }
 
-/// Writes a file whole or not at all: beside it, flushed to the disk, then renamed.
+/// Writes a file whole or not at all.
 pub(crate) fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), RunError> {
-    let mut temporary = path.as_os_str().to_owned();
-    temporary.push(".");
-    temporary.push(TEMPORARY_ENDING);
-    let temporary = PathBuf::from(temporary);
-    let write = || {
-        let mut file = File::create(&temporary)?;
-        file.write_all(bytes)?;
-        file.sync_all()?;
-        fs::rename(&temporary, path)?;
-        // The rename itself is on the disk once the folder is.
-        path.parent().map_or(Ok(()), |folder| File::open(folder)?.sync_all())
-    };
-    write().map_err(|source| {
-        let _ = fs::remove_file(&temporary);
-        io_error(path, source)
-    })
+    let mut file = UnfinishedFile::create(path)?;
+    file.file.write_all(bytes).map_err(|source| io_error(path, source))?;
+    file.finish()
+}
+
+/// A file that is written beside its place under a temporary name, and removed unless it is finished.
+#[derive(Debug)]
+pub(crate) struct UnfinishedFile {
+    /// Where what is written goes.
+    pub file: File,
+    path: PathBuf,
+    temporary: PathBuf,
+}
+
+impl UnfinishedFile {
+    /// A new file that is to stand at `path`.
+    pub fn create(path: &Path) -> Result<Self, RunError> {
+        let mut temporary = path.as_os_str().to_owned();
+        temporary.push(".");
+        temporary.push(TEMPORARY_ENDING);
+        let temporary = PathBuf::from(temporary);
+        let file = File::create(&temporary).map_err(|source| io_error(path, source))?;
+        Ok(Self { file, path: path.to_owned(), temporary })
+    }
+
+    /// Where the file stands until it is finished.
+    pub fn temporary_path(&self) -> &Path {
+        &self.temporary
+    }
+
+    /// Where the file is to stand.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Flushes the file to the disk and puts it into its place.
+    pub fn finish(self) -> Result<(), RunError> {
+        let finish = || {
+            self.file.sync_all()?;
+            fs::rename(&self.temporary, &self.path)?;
+            // The rename itself is on the disk once the folder is. A path without a folder is in the working directory.
+            let folder = self.path.parent().filter(|folder| !folder.as_os_str().is_empty());
+            File::open(folder.unwrap_or(Path::new(".")))?.sync_all()
+        };
+        finish().map_err(|source| io_error(&self.path, source))
+    }
+}
+
+impl Drop for UnfinishedFile {
+    fn drop(&mut self) {
+        // Nothing is left under this name once the file is in its place.
+        let _ = fs::remove_file(&self.temporary);
+    }
 }
 
 pub(crate) fn io_error(path: &Path, source: io::Error) -> RunError {

@@ -14,8 +14,8 @@ use crate::config::EvaluationSettings;
 use crate::evaluate::{Mover, evaluation_task, run_episode};
 use crate::executor::Workers;
 
-/// Which episode of an evaluation is recorded: the first one.
-const RECORDED_EPISODE: u64 = 0;
+/// Which episode of an evaluation is recorded, and filmed: the first one.
+pub(crate) const RECORDED_EPISODE: u64 = 0;
 
 /// Grows when the content of the file changes.
 const VERSION: u32 = 1;

@@ -10,7 +10,7 @@ use crate::commands::report::report_finished;
 use crate::commands::workers;
 use crate::comparison::describe;
 use crate::error::{CliError, STOPPED};
-use crate::interrupt::Interrupt;
+use crate::interrupt::{Interrupt, STOPPING_TRAINING};
 use crate::output::{program, say};
 use crate::progress::CompareLine;
 
@@ -32,7 +32,7 @@ pub fn compare(args: &CompareArgs) -> Result<ExitCode, CliError> {
         settings.budget_env_steps,
         settings.seeds.len()
     ));
-    let interrupt = Interrupt::listen()?;
+    let interrupt = Interrupt::listen(STOPPING_TRAINING)?;
     let line = CompareLine::new();
     let outcome = compare::compare(&folder, num_threads, &interrupt.stop, &|progress| line.show(progress));
     line.finish();

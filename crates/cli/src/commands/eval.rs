@@ -6,10 +6,9 @@ use canter_sim::settings::Document;
 use canter_train::config::{DEFAULT_PRESET, Resolved, open_preset, resolve};
 use canter_train::evaluate::judge;
 use canter_train::policy_file::PolicyFile;
-use canter_train::run_directory::{RunError, open_config, policy_path, read_policy};
 
 use crate::args::EvalArgs;
-use crate::commands::workers;
+use crate::commands::{learned, workers};
 use crate::error::CliError;
 use crate::output::say;
 use crate::verdict::describe;
@@ -33,9 +32,7 @@ pub fn eval(args: &EvalArgs) -> Result<ExitCode, CliError> {
 /// What is to be measured, and how: a run's policy, or a bare gait.
 fn subject(args: &EvalArgs) -> Result<(Resolved, Option<PolicyFile>), CliError> {
     if let Some(run) = &args.run {
-        let resolved = resolve(&with_overrides(open_config(run)?, args))?;
-        let policy = read_policy(run)?;
-        policy.check(&resolved.task).map_err(|source| RunError::Policy { path: policy_path(run), source })?;
+        let (resolved, policy) = learned(run, |document| with_overrides(document, args))?;
         return Ok((resolved, Some(policy)));
     }
     // The default preset lends its protocol; the bare gait has no use for the rest.

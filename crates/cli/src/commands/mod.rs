@@ -3,15 +3,39 @@
 pub mod compare;
 pub mod config;
 pub mod eval;
+pub mod film;
 pub mod report;
 pub mod robots;
 pub mod train;
+pub mod view;
 
+use std::path::Path;
+
+use canter_sim::settings::Document;
+use canter_train::config::{Resolved, resolve};
 use canter_train::executor::Workers;
+use canter_train::policy_file::PolicyFile;
+use canter_train::run_directory::{RunError, open_config, policy_path, read_policy};
 
 use crate::error::CliError;
 
 /// The worker threads.
 fn workers(num_threads: Option<u16>) -> Result<Workers, CliError> {
     Workers::new(num_threads.map(usize::from)).map_err(CliError::Threads)
+}
+
+/// A run's policy and what it is for, with values that were typed put into the configuration.
+fn learned(run: &Path, with_overrides: impl FnOnce(Document) -> Document) -> Result<(Resolved, PolicyFile), CliError> {
+    let resolved = resolve(&with_overrides(open_config(run)?))?;
+    let policy = read_policy(run)?;
+    policy.check(&resolved.task).map_err(|source| RunError::Policy { path: policy_path(run), source })?;
+    Ok((resolved, policy))
+}
+
+/// The configuration with another slope, so that it is checked like the file's.
+fn with_slope(mut document: Document, slope_deg: Option<f64>) -> Document {
+    if let Some(slope_deg) = slope_deg {
+        document.set("task.slope_deg", &format!("{slope_deg:?}"));
+    }
+    document
 }

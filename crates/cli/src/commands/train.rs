@@ -19,7 +19,7 @@ use crate::args::{ResumeArgs, TrainArgs};
 use crate::commands::report::report_finished;
 use crate::commands::workers;
 use crate::error::{CliError, STOPPED};
-use crate::interrupt::Interrupt;
+use crate::interrupt::{Interrupt, STOPPING_TRAINING};
 use crate::output::{complain, program, say};
 use crate::progress::ProgressLine;
 use crate::verdict::describe;
@@ -77,7 +77,7 @@ pub fn resume(args: &ResumeArgs) -> Result<ExitCode, CliError> {
 
 /// Trains to the end and judges the result.
 fn go_on(mut trainer: Trainer, directory: &RunDirectory, workers: &Workers) -> Result<ExitCode, CliError> {
-    let interrupt = Interrupt::listen()?;
+    let interrupt = Interrupt::listen(STOPPING_TRAINING)?;
     let start = Instant::now();
     let steps_before = trainer.progress().env_steps;
     let mut line = ProgressLine::new(&trainer.resolved().config.training, trainer.progress());

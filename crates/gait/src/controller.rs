@@ -2,6 +2,7 @@
 
 use crate::action::{ActionLaw, Modulation, component};
 use crate::kinematics::{Leg, LegPosition};
+use crate::mirror::Mirror;
 use crate::network::Network;
 use crate::normaliser::Normaliser;
 use crate::observation::{ObservationBlock, Sensors, observation_len, observe};
@@ -24,10 +25,12 @@ pub struct Policy<'a> {
     pub normaliser: Normaliser<'a>,
     /// From the normalised observation to the action.
     pub network: Network<'a>,
+    /// In which the second half of the cycle is seen; none: it is seen as it is.
+    pub mirror: Option<Mirror<'a>>,
 }
 
 impl Policy<'_> {
-    /// The action for an observation, which is normalised in place.
+    /// The action for an observation, which is mirrored, if it is to be, and normalised in place.
     ///
     /// Where a sensor gives no number the action is 0, the prior, so that one bad reading is forgotten with its step.
     ///
@@ -37,10 +40,17 @@ impl Policy<'_> {
     /// - `action`: `(A)`
     #[inline(always)]
     pub fn act(&self, observation: &mut [f32], hidden: &mut [f32], action: &mut [f32]) {
+        let mirror = self.mirror.filter(|mirror| mirror.reflects(observation));
+        if let Some(mirror) = &mirror {
+            mirror.reflect_observation(observation);
+        }
         self.normaliser.apply(observation);
         self.network.forward(observation, hidden, action);
         for component in action.iter_mut().filter(|component| component.is_nan()) {
             *component = 0.0;
+        }
+        if let Some(mirror) = &mirror {
+            mirror.reflect_action(action);
         }
     }
 }
@@ -239,6 +249,7 @@ mod tests {
         let policy = Policy {
             normaliser: Normaliser { mean: &[0.0; 6], inverse_std: &[1.0; 6] },
             network: Network::new(shape, &parameters).unwrap(),
+            mirror: None,
         };
         let sensors = Sensors {
             motor_angles: &[0.1, 0.2, 0.3, 0.4],
@@ -266,6 +277,7 @@ mod tests {
         let policy = Policy {
             normaliser: Normaliser { mean: &[0.0; 6], inverse_std: &[1.0; 6] },
             network: Network::new(shape, &parameters).unwrap(),
+            mirror: None,
         };
         let (mut observation, mut hidden, mut action, mut targets) = ([0.0; 6], [0.0; 8], [0.3; 2], [0.0; 4]);
         let mut clock = PhaseClock::at(0.2);

@@ -4,7 +4,7 @@
 //! One control step reads top to bottom in [`controller::Controller::step`]:
 //!
 //! 1. [`observation`]: sensors, phase and previous action become the observation;
-//! 2. [`normaliser`], [`network`]: the policy's action, each component in [-1, 1];
+//! 2. [`mirror`], [`normaliser`], [`network`]: the policy's action, each component in [-1, 1];
 //! 3. [`action`]: the action and the `authority` become gait parameters (the paper's eq. 4 and 5);
 //! 4. [`prior`]: the gait with these parameters at the current [`phase`] becomes a leg position;
 //! 5. [`kinematics`]: limits, then actuator targets.
@@ -17,6 +17,7 @@
 pub mod action;
 pub mod controller;
 pub mod kinematics;
+pub mod mirror;
 pub mod network;
 pub mod normaliser;
 pub mod observation;
@@ -27,6 +28,7 @@ pub mod tanh;
 pub use action::{ActionLaw, Modulation, ParameterRanges, Range};
 pub use controller::{Controller, Policy, Workspace};
 pub use kinematics::{FiveBar, FootPosition, Leg, LegGeometry, LegLimits, LegPosition, LinearMap};
+pub use mirror::Mirror;
 pub use network::{Network, NetworkShape};
 pub use normaliser::Normaliser;
 pub use observation::{ObservationBlock, Sensors};

@@ -9,6 +9,7 @@ pub mod accident;
 pub mod env;
 pub mod forward;
 pub mod frame;
+pub mod mirror;
 pub mod motor;
 pub mod mujoco;
 pub mod render;

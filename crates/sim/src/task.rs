@@ -3,10 +3,12 @@
 use std::sync::Arc;
 
 use canter_gait::action::MAX_AMPLITUDE_RAD;
+use canter_gait::mirror::Mirror;
 use canter_gait::observation::observation_len;
 use canter_gait::prior::LegGait;
 use canter_gait::{ActionLaw, Controller, Gait, Modulation, ObservationBlock, ParameterRanges, Range};
 
+use crate::mirror::MirrorMaps;
 use crate::reward::{RewardScale, RewardWeights};
 use crate::robot::Robot;
 use crate::settings::{Problems, above};
@@ -68,6 +70,10 @@ settings! {
         pub authority: f64 in 0.0..=1.0,
         /// What the policy sees, in this order.
         pub observation: Vec<BlockChoice>,
+        /// Whether the second half of the cycle is seen in a mirror, left and right exchanged, and the action mirrored
+        /// back: the policy has no favourite side. The robot's sides must be equal, the gait in the mirror itself half a
+        /// cycle later (as trot, walk and pace are), and the phase be observed.
+        pub symmetric: bool,
         /// Box of the gait parameters that `modulate` may use.
         pub ranges: RangeSettings,
     }
@@ -168,6 +174,7 @@ pub struct Task {
     legs: Vec<LegGait>,
     law: ActionLaw,
     blocks: Vec<ObservationBlock>,
+    mirror: Option<MirrorMaps>,
 }
 
 impl Task {
@@ -229,6 +236,15 @@ impl Task {
                 problems.at("policy.ranges.frequency_factor", message);
             }
         }
+        let modulation = policy.modulation.modulation();
+        let blocks: Vec<ObservationBlock> = policy.observation.iter().map(|block| block.block()).collect();
+        let mut mirror = None;
+        if let (true, Some(gait)) = (policy.symmetric, gait) {
+            match MirrorMaps::new(&robot, &gait.legs, modulation, &blocks) {
+                Ok(maps) => mirror = Some(maps),
+                Err(reason) => problems.at("policy.symmetric", format!("{reason}; else set it to false")),
+            }
+        }
         problems.finish(())?;
         let (Some(gait), Some(ranges)) = (gait, ranges) else {
             unreachable!("a missing gait or range is a problem");
@@ -251,8 +267,9 @@ impl Task {
             max_env_steps: (settings.episode_s / settings.control_dt_s).round().max(1.0) as u32,
             stride_frequency_hz: gait.stride_frequency_hz,
             legs: gait.legs.clone(),
-            law: ActionLaw { modulation: policy.modulation.modulation(), authority: policy.authority as f32, ranges },
-            blocks: policy.observation.iter().map(|block| block.block()).collect(),
+            law: ActionLaw { modulation, authority: policy.authority as f32, ranges },
+            blocks,
+            mirror,
             robot,
         })
     }
@@ -272,6 +289,16 @@ impl Task {
     /// What the policy observes.
     pub fn blocks(&self) -> &[ObservationBlock] {
         &self.blocks
+    }
+
+    /// In which a policy sees the second half of the cycle; none if it is to see it as it is.
+    pub fn mirror(&self) -> Option<Mirror<'_>> {
+        self.mirror.as_ref().and_then(MirrorMaps::mirror)
+    }
+
+    /// What that mirror borrows.
+    pub fn mirror_maps(&self) -> Option<&MirrorMaps> {
+        self.mirror.as_ref()
     }
 
     /// Number of components of the observation, O.

@@ -130,6 +130,7 @@ fn the_robots_own_step_gives_the_simulators_commands() {
     let policy = Policy {
         normaliser: Normaliser { mean: &mean, inverse_std: &inverse_std },
         network: Network::new(shape, &parameters).unwrap(),
+        mirror: None,
     };
     let mut env = Env::new(task.clone());
     let mut observation = vec![0.0; num_observations];

@@ -34,6 +34,10 @@ pub struct TrainingEnvironment {
     place: (u64, u64),
     /// Number of the next episode; with seed and index it selects the random start.
     next_episode: u64,
+    /// Whether the learner sees the present state in the mirror.
+    is_reflected: bool,
+    /// The action as the robot gets it.
+    action: Vec<f32>,
     /// What happened since this was last taken.
     pub travel: Travel,
 }
@@ -42,7 +46,9 @@ impl TrainingEnvironment {
     /// Environment number `index` of `num_environments` of the run with this seed.
     pub fn new(task: Arc<Task>, seed: u64, index: u64, num_environments: u64) -> Self {
         let place = (index, num_environments);
-        Self { env: Env::new(task), seed, place, next_episode: 0, travel: Travel::default() }
+        let action = vec![0.0; task.num_actions()];
+        let (next_episode, travel) = (0, Travel::default());
+        Self { env: Env::new(task), seed, place, next_episode, is_reflected: false, action, travel }
     }
 
     /// Everything that the next step depends on.
@@ -59,7 +65,23 @@ impl TrainingEnvironment {
     pub fn set_state(&mut self, state: &[f64], observation: &mut [f32]) -> Result<(), String> {
         let (next_episode, rest) = state.split_first().ok_or("an environment's state is empty")?;
         self.next_episode = *next_episode as u64;
-        self.env.set_state(rest, observation)
+        self.env.set_state(rest, observation)?;
+        self.reflect(observation);
+        Ok(())
+    }
+}
+
+impl TrainingEnvironment {
+    /// Shows the observation, `(O)`, as a policy with the task's mirror sees it.
+    ///
+    /// The learner never hears of the mirror: it is the robot's own [`Policy::act`](canter_gait::Policy::act) that does
+    /// the same on the robot.
+    fn reflect(&mut self, observation: &mut [f32]) {
+        let mirror = self.env.task().mirror().filter(|mirror| mirror.reflects(observation));
+        self.is_reflected = mirror.is_some();
+        if let Some(mirror) = mirror {
+            mirror.reflect_observation(observation);
+        }
     }
 }
 
@@ -80,11 +102,17 @@ impl Environment for TrainingEnvironment {
             self.env.vary((index as f64 + uniform(&mut rng)) / num_environments as f64);
         }
         self.env.reset(&mut || uniform(&mut rng), observation);
+        self.reflect(observation);
     }
 
     fn step(&mut self, action: &[f32], observation: &mut [f32]) -> StepOutcome {
         let before = self.env.position_in_ground()[0];
-        let outcome = self.env.step(action, observation);
+        self.action.copy_from_slice(action);
+        if let Some(mirror) = self.env.task().mirror().filter(|_| self.is_reflected) {
+            mirror.reflect_action(&mut self.action);
+        }
+        let outcome = self.env.step(&self.action, observation);
+        self.reflect(observation);
         if outcome.terminated != Some(Accident::Unstable) {
             self.travel.forward_m += self.env.position_in_ground()[0] - before;
             self.travel.work_j += outcome.work_j;

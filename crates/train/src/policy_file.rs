@@ -1,6 +1,8 @@
 //! `policy.safetensors`: everything that the robot's code needs to run a learned gait, with vectors that prove it.
 
+use canter_gait::mirror::Component;
 use canter_gait::{LegGeometry, Network, NetworkShape, Normaliser, Policy, Waveform};
+use canter_sim::mirror::MirrorMaps;
 use canter_sim::{NamedGait, Task};
 use serde::{Deserialize, Serialize};
 
@@ -8,7 +10,7 @@ use crate::tensors::{TensorError, TensorFile};
 use crate::trainer::Trainer;
 
 /// Version of the format; readers refuse others.
-pub const FORMAT_VERSION: u32 = 1;
+pub const FORMAT_VERSION: u32 = 2;
 
 /// Observations of the built-in test vector.
 const NUM_TEST_VECTORS: usize = 4;
@@ -26,6 +28,8 @@ pub struct PolicyCard {
     pub action: ActionCard,
     /// Names of the observation's blocks, in order.
     pub observation: Vec<String>,
+    /// In which the second half of the cycle is seen, as in [`canter_gait::Mirror`]; none: it is seen as it is.
+    pub mirror: Option<MirrorCard>,
     /// Where it comes from.
     pub provenance: Provenance,
 }
@@ -100,6 +104,17 @@ pub struct ActionCard {
     pub ranges: [[f32; 2]; 5],
 }
 
+/// What becomes of observation and action in the mirror.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct MirrorCard {
+    /// For each component of the observation's image: which component it is of the original, and 1 or -1.
+    pub observation: Vec<(usize, f32)>,
+    /// The same for the action.
+    pub action: Vec<(usize, f32)>,
+    /// Which component of the observation is the sine of the phase: the second half is where it is below 0.
+    pub sine: usize,
+}
+
 /// Where a policy comes from; no time, path or thread count, so that the same run gives the same bytes.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Provenance {
@@ -122,6 +137,7 @@ pub struct PolicyFile {
     parameters: Vec<f32>,
     mean: Vec<f32>,
     inverse_std: Vec<f32>,
+    mirror: Option<MirrorMaps>,
 }
 
 /// Why a policy file cannot be used.
@@ -139,6 +155,9 @@ pub enum PolicyError {
         /// The file's version.
         found: u32,
     },
+    /// The mirror does not lead back to the original, or has not the sizes of the network.
+    #[error("its mirror is none")]
+    Mirror,
     /// Made for something else.
     #[error("it was trained for {what} {found}, not for {expected}")]
     Mismatch {
@@ -174,6 +193,7 @@ impl PolicyFile {
             parameters: trainer.actor_parameters().to_vec(),
             mean: normaliser.mean,
             inverse_std: normaliser.inverse_std,
+            mirror: resolved.task.mirror_maps().cloned(),
         }
     }
 
@@ -182,6 +202,7 @@ impl PolicyFile {
         Policy {
             normaliser: Normaliser { mean: &self.mean, inverse_std: &self.inverse_std },
             network: Network::new(self.shape, &self.parameters).expect("lengths were checked"),
+            mirror: self.mirror.as_ref().and_then(MirrorMaps::mirror),
         }
     }
 
@@ -231,7 +252,13 @@ impl PolicyFile {
         }
         let mean = file.get("normaliser.mean", &[input])?;
         let inverse_std = file.get("normaliser.inverse_std", &[input])?;
-        let policy = Self { card, shape, parameters, mean, inverse_std };
+        let mirror = card.mirror.as_ref().map(MirrorCard::maps);
+        if let Some(maps) = &mirror
+            && (maps.mirror().is_none() || (maps.observation.len(), maps.action.len()) != (input, output))
+        {
+            return Err(PolicyError::Mirror);
+        }
+        let policy = Self { card, shape, parameters, mean, inverse_std, mirror };
         let (observations, actions) = policy.test_vectors();
         let same = |name: &str, shape: &[usize], own: &[f32]| file.get::<f32>(name, shape).map(|stored| stored == own);
         let inputs_agree = same("test.observation", &[NUM_TEST_VECTORS, input], &observations)?;
@@ -257,6 +284,10 @@ impl PolicyFile {
         }
         if own.observation != other.observation {
             return differs("the observation", &own.observation, &other.observation);
+        }
+        if own.mirror != other.mirror {
+            let symmetric = |card: &PolicyCard| card.mirror.is_some();
+            return differs("policy.symmetric =", &symmetric(own), &symmetric(other));
         }
         if own.action != other.action {
             return differs("the action law", &own.action, &other.action);
@@ -297,6 +328,19 @@ impl PolicyFile {
             observations.extend(raw);
         }
         (observations, actions)
+    }
+}
+
+impl MirrorCard {
+    fn new(maps: &MirrorMaps) -> Self {
+        let pairs = |components: &[Component]| components.iter().map(|c| (c.source, c.sign)).collect();
+        Self { observation: pairs(&maps.observation), action: pairs(&maps.action), sine: maps.sine }
+    }
+
+    fn maps(&self) -> MirrorMaps {
+        let components =
+            |pairs: &[(usize, f32)]| pairs.iter().map(|&(source, sign)| Component { source, sign }).collect();
+        MirrorMaps { observation: components(&self.observation), action: components(&self.action), sine: self.sine }
     }
 }
 
@@ -372,6 +416,7 @@ impl PolicyCard {
                 .map(|range| [range.low, range.high]),
             },
             observation: task.blocks().iter().map(|block| block.name().to_owned()).collect(),
+            mirror: task.mirror_maps().map(MirrorCard::new),
             provenance,
         }
     }

@@ -2,8 +2,12 @@
 
 mod common;
 
+use canter_gait::Policy;
+use canter_learn::Environment;
 use canter_sim::settings::{Document, write_commented};
 use canter_train::config::{DEFAULT_PRESET, RunConfig, open_preset, preset_names, resolve};
+use canter_train::environment::TrainingEnvironment;
+use canter_train::policy_file::PolicyFile;
 use canter_train::trainer::{IterationReport, Trainer};
 
 #[test]
@@ -193,4 +197,32 @@ fn a_training_ends_with_the_iteration_that_reaches_its_steps_or_its_episodes() {
     // Four episodes end with env step 50 of each environment, in iteration 2; four more in iteration 4.
     assert_eq!(iterations(&[("training.max_episodes", "4")]), 2);
     assert_eq!(iterations(&[("training.max_episodes", "5")]), 4);
+}
+
+/// What the learner does between its observation and its action is what the robot's code does: the same steps follow.
+#[test]
+fn the_learner_and_the_robot_look_into_the_same_mirror() {
+    let resolved = common::tiny(&[("policy.symmetric", "true")]);
+    let mut trainer = Trainer::new(resolved.clone());
+    trainer.iterate(&common::workers(2)).unwrap();
+    let file = PolicyFile::from_bytes(&PolicyFile::of(&trainer).to_bytes()).unwrap();
+    let policy = file.policy();
+    assert!(policy.mirror.is_some());
+    let without_mirror = Policy { mirror: None, ..policy };
+    let (num_observations, num_actions) = (resolved.task.num_observations(), resolved.task.num_actions());
+    let mut learner = TrainingEnvironment::new(resolved.task.clone(), 3, 0, 1);
+    let mut robot = TrainingEnvironment::new(common::tiny(&[("policy.symmetric", "false")]).task, 3, 0, 1);
+    let (mut seen, mut sensed) = (vec![0.0; num_observations], vec![0.0; num_observations]);
+    learner.reset(&mut seen);
+    robot.reset(&mut sensed);
+    let (mut hidden, mut action) = (vec![0.0; policy.network.workspace_len()], vec![0.0; num_actions]);
+    let mut num_reflected = 0;
+    for step in 0..45 {
+        num_reflected += usize::from(seen != sensed);
+        without_mirror.act(&mut seen, &mut hidden, &mut action);
+        let expected = learner.step(&action, &mut seen);
+        policy.act(&mut sensed, &mut hidden, &mut action);
+        assert_eq!(robot.step(&action, &mut sensed), expected, "step {step}");
+    }
+    assert!((10..35).contains(&num_reflected), "{num_reflected}");
 }

@@ -45,6 +45,7 @@ pub fn policy_settings(prior: &str, modulation: ModulationChoice) -> PolicySetti
         modulation,
         authority: if modulation == ModulationChoice::Direct { 1.0 } else { 0.5 },
         observation: BlockChoice::ALL.to_vec(),
+        symmetric: false,
         ranges: RangeSettings {
             frequency_factor: vec![0.5, 2.0],
             swing_amplitude_rad: vec![0.0, 1.0],

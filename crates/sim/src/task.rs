@@ -191,8 +191,8 @@ impl Task {
         policy: &PolicySettings,
         mut problems: Problems,
     ) -> Result<Self, Problems> {
-        let num_substeps = (settings.control_dt_s / settings.physics_dt_s).round();
-        if (num_substeps * settings.physics_dt_s - settings.control_dt_s).abs() > 1e-9 || num_substeps < 1.0 {
+        let num_substeps = num_substeps(settings.control_dt_s, settings.physics_dt_s);
+        if num_substeps.is_none() {
             let message = format!("control_dt_s = {} is not a whole number of physics steps", settings.control_dt_s);
             problems.at("task.physics_dt_s", message);
         }
@@ -246,8 +246,8 @@ impl Task {
             }
         }
         problems.finish(())?;
-        let (Some(gait), Some(ranges)) = (gait, ranges) else {
-            unreachable!("a missing gait or range is a problem");
+        let (Some(gait), Some(ranges), Some(num_substeps)) = (gait, ranges, num_substeps) else {
+            unreachable!("a missing gait, range or number of steps is a problem");
         };
         let leg_length_m = robot.settings.stance_height_m;
         let lift_energy_j = robot.model.total_mass_kg() * robot.model.gravity() * leg_length_m;
@@ -263,7 +263,7 @@ impl Task {
                 action_rate: reward.action_rate,
             },
             scale: RewardScale { leg_length_m, lift_energy_j },
-            num_substeps: num_substeps as u32,
+            num_substeps,
             max_env_steps: (settings.episode_s / settings.control_dt_s).round().max(1.0) as u32,
             stride_frequency_hz: gait.stride_frequency_hz,
             legs: gait.legs.clone(),
@@ -284,6 +284,13 @@ impl Task {
     pub fn controller(&self) -> Controller<'_> {
         let gait = Gait { stride_frequency_hz: self.stride_frequency_hz, legs: &self.legs };
         Controller::new(&self.robot.legs, gait, self.law, &self.blocks).expect("every leg has its part of the gait")
+    }
+
+    /// The same task with another physics step [s]; none unless it divides the control step.
+    pub fn with_physics_dt_s(mut self, physics_dt_s: f64) -> Option<Self> {
+        self.num_substeps = num_substeps(self.settings.control_dt_s, physics_dt_s)?;
+        self.settings.physics_dt_s = physics_dt_s;
+        Some(self)
     }
 
     /// What the policy observes.
@@ -310,6 +317,13 @@ impl Task {
     pub fn num_actions(&self) -> usize {
         self.law.modulation.num_actions(self.legs.len())
     }
+}
+
+/// How many physics steps of `physics_dt_s` [s] a control step of `control_dt_s` [s] has; none unless it is a whole number.
+pub fn num_substeps(control_dt_s: f64, physics_dt_s: f64) -> Option<u32> {
+    let steps = (control_dt_s / physics_dt_s).round();
+    let is_whole = (steps * physics_dt_s - control_dt_s).abs() <= 1e-9 && steps >= 1.0;
+    is_whole.then_some(steps as u32)
 }
 
 /// The larger of a leg's two amplitudes [rad].

@@ -11,7 +11,7 @@ settings! {
     /// What differs between the environments of a training.
     pub struct VariationSettings {
         /// Share of the environments that differ, the others have the task's own values; absent: all differ.
-        pub share: Option<f64> in 0.01..=1.0,
+        pub share: Option<f64> in 0.0..=1.0,
         /// Least and greatest slope of the ground, positive uphill [deg], spread evenly; absent: the task's `slope_deg`.
         pub slope_deg: Option<Vec<f64>> in -45.0..=45.0,
     }
@@ -39,7 +39,7 @@ impl Variation {
 
     /// Whether anything varies.
     pub fn is_any(&self) -> bool {
-        self.slope_rad.is_some()
+        self.slope_rad.is_some() && self.share > 0.0
     }
 
     /// The slope at `place` in [0, 1) of all variations [rad]; none if slopes do not vary.

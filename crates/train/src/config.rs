@@ -8,6 +8,7 @@ use canter_learn::ppo::{MAX_LEARNING_RATE, MIN_LEARNING_RATE};
 use canter_learn::settings::{Objective, PpoSettings};
 use canter_sim::robot::is_robot_path;
 use canter_sim::settings::{Document, Problems, above};
+use canter_sim::task::num_substeps;
 use canter_sim::{PolicySettings, RewardSettings, Robot, RobotError, Task, TaskSettings};
 use canter_sim::{choices, settings};
 
@@ -114,6 +115,8 @@ settings! {
         pub episode_s: f64 in 2.0..=1000.0,
         /// The speed counts from here on [s].
         pub settle_s: f64 in 0.0..=100.0,
+        /// Time of one physics step [s]: a finer one than the training's judges every gait by better physics.
+        pub physics_dt_s: f64 in 1e-5..=0.01,
         /// Seed of the starts; no training ever sees them, whatever its seed.
         pub seed: u64,
     }
@@ -231,6 +234,11 @@ pub fn resolve(document: &Document) -> Result<Resolved, ConfigError> {
         if config.evaluation.settle_s > config.evaluation.episode_s - MIN_COUNTED_S {
             let message = format!("must leave {MIN_COUNTED_S} s of evaluation.episode_s to measure");
             problems.at("evaluation.settle_s", message);
+        }
+        if num_substeps(config.task.control_dt_s, config.evaluation.physics_dt_s).is_none() {
+            let message =
+                format!("task.control_dt_s = {} is not a whole number of physics steps", config.task.control_dt_s);
+            problems.at("evaluation.physics_dt_s", message);
         }
         let num_samples = config.training.num_environments * config.training.horizon;
         if config.ppo.minibatch_size > num_samples {

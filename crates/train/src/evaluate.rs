@@ -175,7 +175,7 @@ pub fn evaluate(task: &Task, mover: Mover<'_>, settings: &EvaluationSettings, wo
 
 /// The episodes of one gait, in environments that `new_env` makes: [`Env::new`], or a what-if study's.
 ///
-/// `new_env` gets the task without its goal and with the evaluation's time limit.
+/// `new_env` gets the task without its goal and with the evaluation's time limit and physics step.
 pub fn run_episodes(
     task: &Task,
     new_env: impl Fn(Arc<Task>) -> Env + Sync,
@@ -195,9 +195,13 @@ pub fn run_episodes(
     })
 }
 
-/// The task without its goal and with the evaluation's time limit.
+/// The task without its goal and with the evaluation's time limit and physics step.
+///
+/// # Panics
+/// If the physics step does not divide the control step.
 pub(crate) fn evaluation_task(task: &Task, settings: &EvaluationSettings) -> Arc<Task> {
-    let mut task = task.clone();
+    let task = task.clone().with_physics_dt_s(settings.physics_dt_s);
+    let mut task = task.expect("checked when the configuration was read");
     task.settings.goal_distance_m = None;
     task.max_env_steps = (settings.episode_s / task.settings.control_dt_s).round() as u32;
     Arc::new(task)
@@ -371,6 +375,8 @@ pub struct ProtocolCard {
     pub episode_s: f64,
     /// The speed counts from here on [s].
     pub settle_s: f64,
+    /// Time of one physics step [s].
+    pub physics_dt_s: f64,
     /// Seed of the starts.
     pub seed: u64,
     /// Slope of the ground, positive uphill [deg].
@@ -413,6 +419,7 @@ pub fn judge(
             num_episodes: settings.num_episodes,
             episode_s: settings.episode_s,
             settle_s: settings.settle_s,
+            physics_dt_s: settings.physics_dt_s,
             seed: settings.seed,
             slope_deg: task.settings.slope_deg,
             friction: task.settings.friction,

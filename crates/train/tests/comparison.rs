@@ -24,7 +24,7 @@ fn tiny() -> CompareSettings {
         ("training.checkpoint_env_steps", "80"),
     ];
     CompareSettings {
-        evaluation: EvaluationCard { num_episodes: 2, episode_s: 3.5, settle_s: 0.5, seed: 0 },
+        evaluation: EvaluationCard { num_episodes: 2, episode_s: 3.5, settle_s: 0.5, physics_dt_s: 0.005, seed: 0 },
         search: SearchCard { num_episodes: 1, episode_s: 0.3 },
         sweeps: vec![
             Sweep { quantity: Quantity::Slope, values: vec![0.0, 20.0] },

@@ -179,9 +179,9 @@ fn doctored_metadata_gives_the_right_error() {
     let bytes = PolicyFile::of(&trainer).to_bytes();
     let task = &trainer.resolved().task;
     let read = |change: &dyn Fn(&mut Value)| PolicyFile::from_bytes(&with_metadata(&bytes, change));
-    let error = read(&|metadata| metadata["format_version"] = json!(2)).unwrap_err();
-    assert!(matches!(error, PolicyError::Version { found: 2 }), "{error}");
-    assert_eq!(error.to_string(), "it has format version 2, this canter reads version 1");
+    let error = read(&|metadata| metadata["format_version"] = json!(1)).unwrap_err();
+    assert!(matches!(error, PolicyError::Version { found: 1 }), "{error}");
+    assert_eq!(error.to_string(), "it has format version 1, this canter reads version 2");
     let error = read(&|metadata| metadata["format_version"] = json!("one")).unwrap_err();
     assert!(matches!(error, PolicyError::Version { found: 0 }), "{error}");
     let error = read(&|metadata| metadata["gait"]["legs"] = json!("four")).unwrap_err();

@@ -90,8 +90,8 @@ impl Rung {
             Self::Stepping => "The trot of the robot's firmware, without any learning.",
             Self::Tuned => {
                 "The best constant gait parameters that CMA-ES finds: frequency, and amplitudes and offsets of each leg, in \
-                 the ranges that the learned gait may use. It searches twice, for the training return and for speed without \
-                 falls, each time with the full budget, and the better one counts."
+                 the ranges that the learned gait may use. It searches twice on level ground, for the training return and for \
+                 speed without falls, each time with the full budget, and the better one counts."
             }
             Self::Direct => {
                 "The paper's control experiment: same network, reward and hyperparameters as `paper`, but the outputs are \
@@ -99,11 +99,12 @@ impl Rung {
             }
             Self::DirectBest => {
                 "Learning without a prior as well as we can: observation, network and hyperparameters of `doggo`, but the \
-                 outputs are the eight motor angles."
+                 outputs are the eight motor angles, and all training is on level ground."
             }
             Self::Paper => "The paper's method: two amplitudes of the sine gait of eq. 4, from the eight motor angles.",
             Self::Doggo => {
-                "Our method: frequency, and amplitudes and offsets of each leg, changed at every control step."
+                "Our method: frequency, and amplitudes and offsets of each leg, changed at every control step; trained on \
+                 level ground and on slopes up to 24 degrees."
             }
         }
     }
@@ -125,13 +126,16 @@ impl Rung {
     /// The preset that it stands on, and what is changed there.
     fn preset(self) -> (&'static str, &'static [(&'static str, &'static str)]) {
         const DIRECT: &[(&str, &str)] = &[("policy.modulation", "direct"), ("policy.authority", "1.0")];
+        // Slopes would only take env steps from level ground, where it is measured.
+        const DIRECT_BEST: &[(&str, &str)] =
+            &[("policy.modulation", "direct"), ("policy.authority", "1.0"), ("task.variation.share", "0.0")];
         const TUNED: &[(&str, &str)] = &[("policy.modulation", "modulate"), ("policy.authority", "1.0")];
         match self {
             Self::Sine => ("doggo", &[("policy.prior", "sine")]),
             Self::Stepping => ("doggo", &[("policy.prior", "stepping"), ("policy.modulation", "leg-amplitude")]),
             Self::Tuned => ("doggo", TUNED),
             Self::Direct => ("paper", DIRECT),
-            Self::DirectBest => ("doggo", DIRECT),
+            Self::DirectBest => ("doggo", DIRECT_BEST),
             Self::Paper => ("paper", &[]),
             Self::Doggo => ("doggo", &[]),
         }
@@ -193,6 +197,8 @@ pub struct EvaluationCard {
     pub episode_s: f64,
     /// The speed counts from here on [s].
     pub settle_s: f64,
+    /// Time of one physics step [s].
+    pub physics_dt_s: f64,
     /// Seed of the starts; no training and no search ever sees them.
     pub seed: u64,
 }
@@ -284,7 +290,13 @@ impl CompareSettings {
             budget_env_steps,
             seeds: (1..=num_seeds).collect(),
             rungs: Rung::ALL.to_vec(),
-            evaluation: EvaluationCard { num_episodes: 20, episode_s: 10.0, settle_s: 1.0, seed: 0 },
+            evaluation: EvaluationCard {
+                num_episodes: 20,
+                episode_s: 10.0,
+                settle_s: 1.0,
+                physics_dt_s: 0.002,
+                seed: 0,
+            },
             // Two episodes of a candidate, and so half as many generations, found slower gaits on seed 1.
             search: SearchCard { num_episodes: 1, episode_s: 5.0 },
             sweeps: vec![
@@ -320,8 +332,8 @@ impl CompareSettings {
 
     /// The evaluation in the words of a run's configuration.
     pub fn evaluation(&self) -> EvaluationSettings {
-        let EvaluationCard { num_episodes, episode_s, settle_s, seed } = self.evaluation;
-        EvaluationSettings { num_episodes, episode_s, settle_s, seed }
+        let EvaluationCard { num_episodes, episode_s, settle_s, physics_dt_s, seed } = self.evaluation;
+        EvaluationSettings { num_episodes, episode_s, settle_s, physics_dt_s, seed }
     }
 
     /// The search's own settings.
@@ -342,7 +354,7 @@ impl CompareSettings {
 
     /// What a sceptic has to know, in plain words.
     pub fn text(&self) -> String {
-        let EvaluationCard { num_episodes, episode_s, settle_s, seed } = self.evaluation;
+        let EvaluationCard { num_episodes, episode_s, settle_s, physics_dt_s, seed } = self.evaluation;
         let seeds: Vec<String> = self.seeds.iter().map(u64::to_string).collect();
         format!(
             "Each learned gait is trained, and each search runs, with at most {} env steps for each of the seeds {}. Every \
@@ -351,7 +363,8 @@ impl CompareSettings {
              selected among checkpoints or seeds. Afterwards each gait is measured once, without exploration, in {num_episodes} \
              episodes of {episode_s} s from random starts of seed {seed}, the same for every gait and never seen in training or \
              search; speed is the way forward after {settle_s} s divided by the remaining time, and a robot that falls keeps \
-             the full time. A gait's speed is the interquartile mean over its seeds, with the 95 % bootstrap interval over the \
+             the full time. Every gait is measured with physics steps of {physics_dt_s} s, whatever it was trained or \
+             searched with. A gait's speed is the interquartile mean over its seeds, with the 95 % bootstrap interval over the \
              seeds; a gait that is not learned has no seeds, and its interval is over episodes. The default gait is the \
              faster of the bare gaits. Under other conditions each gait is measured in {} episodes for each value, shared \
              among its seeds, with seeds and episodes resampled; pushes come from the side {PUSH_AT_S} s after the start. \

@@ -234,7 +234,13 @@ impl Search<'_> {
     fn conditions(&self, objective: Objective, rows: Row, generation: u64) -> Conditions {
         let SearchSettings { num_episodes, episode_s, settle_s, .. } = *self.settings;
         Conditions {
-            settings: EvaluationSettings { num_episodes, episode_s, settle_s, seed: self.seed },
+            settings: EvaluationSettings {
+                num_episodes,
+                episode_s,
+                settle_s,
+                physics_dt_s: self.task.settings.physics_dt_s,
+                seed: self.seed,
+            },
             starts: Starts {
                 purpose: Purpose::Search,
                 row: row(objective, rows),

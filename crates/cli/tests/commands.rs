@@ -202,9 +202,12 @@ fn wait_for_metrics(run: &Path, lines: usize, child: &mut std::process::Child) {
     }
 }
 
+/// A learning rate that does not depend on the length of the training, which is shortened below.
+const CONSTANT_RATE: &str = "ppo.final_learning_rate=6e-4";
+
 /// Starts a training of a thousand iterations, sends the signal after a few, and waits for the end.
 fn interrupted(folder: &TemporaryFolder, run: &str, signal: &str) -> Finished {
-    let args = train_args(&["--out", run, "--set", "training.max_env_steps=128000"]);
+    let args = train_args(&["--out", run, "--set", "training.max_env_steps=128000", "--set", CONSTANT_RATE]);
     let mut child = canter_in(folder.path(), &without_steps(&args)).stdin(Stdio::null()).spawn().unwrap();
     wait_for_metrics(&folder.join(run), 3, &mut child);
     let status = Command::new("kill").args([signal, &child.id().to_string()]).status().unwrap();
@@ -250,7 +253,7 @@ fn an_interrupted_training_is_saved_and_ends_like_an_undisturbed_one() {
     assert!(stdout.contains("\nLearned gait: "), "{stdout}");
 
     let setting = format!("training.max_env_steps={total}");
-    let args = train_args(&["--out", "undisturbed", "--set", &setting]);
+    let args = train_args(&["--out", "undisturbed", "--set", &setting, "--set", CONSTANT_RATE]);
     folder.canter(&without_steps(&args)).succeeded();
     for name in ["policy.safetensors", "eval.json", "trajectories/learned.json"] {
         let read = |run: &str| fs::read(folder.join(run).join(name)).unwrap();

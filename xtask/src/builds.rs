@@ -73,6 +73,12 @@ pub fn test_films(root: &Path) -> Result<(), Failure> {
     passed(cargo(root, "test").args(films).status().map_err(cannot_start_cargo)?)
 }
 
+/// Tests of figures as PNG files, which have a renderer of their own to build: plain `cargo test` leaves them out.
+pub fn test_png(root: &Path) -> Result<(), Failure> {
+    let figures = ["--release", "--package", "canter-report", "--features", "png", "--test", "png"];
+    passed(cargo(root, "test").args(figures).status().map_err(cannot_start_cargo)?)
+}
+
 /// Builds `no-std-proof`, which cannot be built when `gait` brings in `std` or `alloc`.
 pub fn no_std(root: &Path) -> Result<(), Failure> {
     let package = root.join("xtask").join("no-std-proof");

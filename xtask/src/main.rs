@@ -2,6 +2,7 @@
 
 mod browser;
 mod builds;
+mod debian;
 mod equations;
 mod full;
 mod layering;
@@ -79,7 +80,9 @@ fn run(task: Option<OsString>, arguments: &[OsString]) -> Result<(), Failure> {
             mujoco::ensure(&root)?;
             builds::test(&root)?;
             if full {
+                debian::ensure(&[&debian::FILMS[..], &debian::FONTS].concat())?;
                 builds::test_films(&root)?;
+                builds::test_png(&root)?;
                 full::tensorboard(&root)?;
                 browser::test(&root)?;
             }

@@ -34,6 +34,9 @@ settings! {
         pub accident_return_weight: f64 in 0.0..=1.0,
         /// What an accident costs besides, in the reward's unit: leg lengths of way at a forward weight of 1.
         pub accident_cost: f64 in 0.0..=1e3,
+        /// How far above the robot's least height a training episode ends in an accident already [m], so that the policy
+        /// keeps away from it. Searches and evaluations have none of it.
+        pub height_margin_m: f64 in 0.0..=1.0,
         /// Largest change of the starting heading, tilt and leg angles [rad], drawn uniformly.
         pub start_noise_rad: f64 in 0.0..=0.5,
         /// What differs between the environments of a training. Searches and evaluations have none of it.

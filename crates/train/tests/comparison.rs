@@ -144,6 +144,7 @@ fn a_search_keeps_its_budget_and_goes_on_after_a_stop_like_one_without() {
         episode_s: 0.4,
         settle_s: 0.1,
         choice_episode_s: 0.5,
+        physics_dt_s: 0.005,
     };
     let search = Search { task: &resolved.task, settings: &settings, seed: 1 };
     let workers = common::workers(1);

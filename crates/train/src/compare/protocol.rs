@@ -344,6 +344,7 @@ impl CompareSettings {
             episode_s: self.search.episode_s,
             settle_s: self.evaluation.settle_s,
             choice_episode_s: self.evaluation.episode_s,
+            physics_dt_s: self.evaluation.physics_dt_s,
         }
     }
 
@@ -363,8 +364,8 @@ impl CompareSettings {
              selected among checkpoints or seeds. Afterwards each gait is measured once, without exploration, in {num_episodes} \
              episodes of {episode_s} s from random starts of seed {seed}, the same for every gait and never seen in training or \
              search; speed is the way forward after {settle_s} s divided by the remaining time, and a robot that falls keeps \
-             the full time. Every gait is measured with physics steps of {physics_dt_s} s, whatever it was trained or \
-             searched with. A gait's speed is the interquartile mean over its seeds, with the 95 % bootstrap interval over the \
+             the full time. Every gait is searched and measured with physics steps of {physics_dt_s} s, whatever it was \
+             trained with. A gait's speed is the interquartile mean over its seeds, with the 95 % bootstrap interval over the \
              seeds; a gait that is not learned has no seeds, and its interval is over episodes. The default gait is the \
              faster of the bare gaits. Under other conditions each gait is measured in {} episodes for each value, shared \
              among its seeds, with seeds and episodes resampled; pushes come from the side {PUSH_AT_S} s after the start. \

@@ -64,6 +64,8 @@ pub struct SearchSettings {
     pub settle_s: f64,
     /// Length of the episodes by which the finalists are judged [s].
     pub choice_episode_s: f64,
+    /// Time of one physics step [s].
+    pub physics_dt_s: f64,
 }
 
 /// How good a gait was in some episodes.
@@ -232,15 +234,9 @@ impl Search<'_> {
     }
 
     fn conditions(&self, objective: Objective, rows: Row, generation: u64) -> Conditions {
-        let SearchSettings { num_episodes, episode_s, settle_s, .. } = *self.settings;
+        let SearchSettings { num_episodes, episode_s, settle_s, physics_dt_s, .. } = *self.settings;
         Conditions {
-            settings: EvaluationSettings {
-                num_episodes,
-                episode_s,
-                settle_s,
-                physics_dt_s: self.task.settings.physics_dt_s,
-                seed: self.seed,
-            },
+            settings: EvaluationSettings { num_episodes, episode_s, settle_s, physics_dt_s, seed: self.seed },
             starts: Starts {
                 purpose: Purpose::Search,
                 row: row(objective, rows),

@@ -1,0 +1,75 @@
+//! What a peer needs to do the same work, and to prove that it does: prints JSON.
+//!
+//! `robot.toml`, the MJCF and the preset are files that a peer reads itself. From here it has the random starts, in the
+//! order in which an environment draws its numbers, the speed to beat, and episodes to repeat: actions with the
+//! observations and rewards that they bring.
+//!
+//! ```sh
+//! cargo run --release -p canter-bench --bin peer_task
+//! ```
+
+use canter_bench::level::{conditions, default_speed, resolve_on_level_ground};
+use canter_gait::prior::LegGait;
+use canter_learn::random::{Purpose, stream};
+use canter_sim::{Env, Task};
+use canter_train::environment::uniform;
+use canter_train::executor::Workers;
+use serde_json::{Value, json};
+use std::sync::Arc;
+
+/// Numbers in [0, 1) that one start takes: the phase, three angles of the body, two of each of four legs.
+const NUMBERS_PER_START: usize = 12;
+
+/// Env steps of each repeated episode; a second is what two programs that round differently can walk side by side.
+const NUM_ENV_STEPS: usize = 100;
+
+fn main() -> Result<(), Box<dyn std::error::Error>> {
+    let resolved = resolve_on_level_ground(&[])?;
+    let task = &resolved.task;
+    let conditions = conditions(&resolved);
+    let starts = conditions.starts;
+    let start = |number: u64| -> Vec<f64> {
+        let mut rng = stream(conditions.settings.seed, starts.purpose, starts.row, starts.first + number);
+        (0..NUMBERS_PER_START).map(|_| uniform(&mut rng)).collect()
+    };
+    let gait = task.controller().gait();
+    let offsets: Vec<f32> = gait.legs.iter().map(|leg: &LegGait| leg.phase_offset).collect();
+    let report = json!({
+        "default_speed_m_per_s": default_speed(&resolved, &Workers::new(None)?),
+        "phase_offsets_cycles": offsets,
+        "mass_kg": task.robot.model.total_mass_kg(),
+        "starts": (0..conditions.settings.num_episodes as u64).map(start).collect::<Vec<_>>(),
+        // A walk, and a fall for the sake of the accident's penalty.
+        "episodes": [episode(task, 0.3, start(0)), episode(task, 1.0, start(1))],
+    });
+    println!("{report}");
+    Ok(())
+}
+
+/// One episode under random actions of this size, which change every tenth of a second.
+fn episode(task: &Arc<Task>, size: f32, start: Vec<f64>) -> Value {
+    let mut env = Env::new(task.clone());
+    let mut observation = vec![0.0; task.num_observations()];
+    let mut numbers = start.iter().copied();
+    env.reset(&mut || numbers.next().expect("enough numbers for a start"), &mut observation);
+    let first = observation.clone();
+    let mut rng = stream(0, Purpose::Exploration, 0, 0);
+    let mut action = vec![0.0; task.num_actions()];
+    let mut steps = Vec::new();
+    for step in 0..NUM_ENV_STEPS {
+        if step % 10 == 0 {
+            action.fill_with(|| size * (2.0 * uniform(&mut rng) - 1.0) as f32);
+        }
+        let outcome = env.step(&action, &mut observation);
+        steps.push(json!({
+            "action": action,
+            "observation": observation,
+            "reward": outcome.reward,
+            "terminated": outcome.terminated.map(canter_sim::Accident::name),
+        }));
+        if outcome.terminated.is_some() {
+            break;
+        }
+    }
+    json!({ "start": start, "observation": first, "steps": steps })
+}

@@ -8,20 +8,23 @@
 //! cargo run --release -p canter-bench --bin peer_task
 //! ```
 
+use std::sync::Arc;
+
 use canter_bench::level::{conditions, default_speed, resolve_on_level_ground};
-use canter_gait::prior::LegGait;
 use canter_learn::random::{Purpose, stream};
-use canter_sim::{Env, Task};
+use canter_sim::{Accident, Env, Task};
 use canter_train::environment::uniform;
 use canter_train::executor::Workers;
 use serde_json::{Value, json};
-use std::sync::Arc;
 
 /// Numbers in [0, 1) that one start takes: the phase, three angles of the body, two of each of four legs.
 const NUMBERS_PER_START: usize = 12;
 
 /// Env steps of each repeated episode; a second is what two programs that round differently can walk side by side.
 const NUM_ENV_STEPS: usize = 100;
+
+/// Largest action of the walk.
+const WALK_SIZE: f32 = 0.3;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let resolved = resolve_on_level_ground(&[])?;
@@ -33,43 +36,56 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         (0..NUMBERS_PER_START).map(|_| uniform(&mut rng)).collect()
     };
     let gait = task.controller().gait();
-    let offsets: Vec<f32> = gait.legs.iter().map(|leg: &LegGait| leg.phase_offset).collect();
+    let offsets: Vec<f32> = gait.legs.iter().map(|leg| leg.phase_offset).collect();
     let report = json!({
         "default_speed_m_per_s": default_speed(&resolved, &Workers::new(None)?),
         "phase_offsets_cycles": offsets,
         "mass_kg": task.robot.model.total_mass_kg(),
         "starts": (0..conditions.settings.num_episodes as u64).map(start).collect::<Vec<_>>(),
-        // A walk, and a fall for the sake of the accident's penalty.
-        "episodes": [episode(task, 0.3, start(0)), episode(task, 1.0, start(1))],
+        "episodes": [episode(task, &start(0), walk()), episode(task, &start(1), fall)],
     });
     println!("{report}");
     Ok(())
 }
 
-/// One episode under random actions of this size, which change every tenth of a second.
-fn episode(task: &Arc<Task>, size: f32, start: Vec<f64>) -> Value {
+/// One episode under actions that `act` writes, given the number of the env step.
+fn episode(task: &Arc<Task>, start: &[f64], mut act: impl FnMut(usize, &mut [f32])) -> Value {
     let mut env = Env::new(task.clone());
     let mut observation = vec![0.0; task.num_observations()];
     let mut numbers = start.iter().copied();
     env.reset(&mut || numbers.next().expect("enough numbers for a start"), &mut observation);
-    let first = observation.clone();
-    let mut rng = stream(0, Purpose::Exploration, 0, 0);
+    let (first, qpos) = (observation.clone(), env.simulation().qpos().to_vec());
     let mut action = vec![0.0; task.num_actions()];
     let mut steps = Vec::new();
     for step in 0..NUM_ENV_STEPS {
-        if step % 10 == 0 {
-            action.fill_with(|| size * (2.0 * uniform(&mut rng) - 1.0) as f32);
-        }
+        act(step, &mut action);
         let outcome = env.step(&action, &mut observation);
         steps.push(json!({
             "action": action,
             "observation": observation,
             "reward": outcome.reward,
-            "terminated": outcome.terminated.map(canter_sim::Accident::name),
+            "terminated": outcome.terminated.map(Accident::name),
         }));
         if outcome.terminated.is_some() {
             break;
         }
     }
-    json!({ "start": start, "observation": first, "steps": steps })
+    json!({ "start": start, "qpos": qpos, "observation": first, "steps": steps })
+}
+
+/// New random actions every tenth of a second: the robot walks on.
+fn walk() -> impl FnMut(usize, &mut [f32]) {
+    let mut rng = stream(0, Purpose::Exploration, 0, 0);
+    move |step, action| {
+        if step % 10 == 0 {
+            action.fill_with(|| WALK_SIZE * (2.0 * uniform(&mut rng) - 1.0) as f32);
+        }
+    }
+}
+
+/// The greatest frequency and swing amplitude: the robot falls, after it has earned a return to lose.
+fn fall(_step: usize, action: &mut [f32]) {
+    action.fill(0.0);
+    action[0] = 1.0;
+    action[1..].iter_mut().step_by(4).for_each(|swing_amplitude| *swing_amplitude = 1.0);
 }

@@ -23,7 +23,8 @@ struct Args {
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let args = Args::parse();
-    let preset_dt_s = resolve_on_level_ground(&[])?.task.settings.physics_dt_s;
+    let task = resolve_on_level_ground(&[])?.task;
+    let preset_dt_s = task.settings.physics_dt_s;
     let mut reference = Reference::new()?;
     let mut preset = Reference::with_physics_dt(preset_dt_s)?;
     reference.time();
@@ -44,6 +45,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         "reference_physics_dt_s": reference.physics_dt_s(),
         "reference_mj_step_ns": quartiles(reference_ns),
         "preset_physics_dt_s": preset_dt_s,
+        "num_substeps": task.num_substeps,
         "preset_mj_step_ns": quartiles(preset_ns),
         "reference_by_threads": threads,
     });

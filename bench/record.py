@@ -43,14 +43,14 @@ def ratio(a, b):
     return a / b if a is not None and b else None
 
 
-def sb3_overhead(parts):
-    """Cost of an env step above the physics that it contains, of the best vector environment, in reference mj_steps."""
+def sb3_overheads(parts):
+    """Cost of an env step above the physics that it contains, by vector environment [reference mj_step]."""
     if not (parts["sb3-cost"] and parts["floor"]):
-        return None
+        return {}
     floor = parts["floor"]
     reference_ns, preset_ns = floor["reference_mj_step_ns"][1], floor["preset_mj_step_ns"][1]
-    step_ns = min(1e9 * row["collect_s_per_env_step"] for row in parts["sb3-cost"])
-    return (step_ns - floor["num_substeps"] * preset_ns) / reference_ns
+    above_ns = lambda row: 1e9 * row["collect_s_per_env_step"] - floor["num_substeps"] * preset_ns
+    return {row["vec_env"]: above_ns(row) / reference_ns for row in parts["sb3-cost"]}
 
 
 def figures(parts):
@@ -66,7 +66,7 @@ def figures(parts):
         "reference_mj_step_ns": floor and floor["reference_mj_step_ns"][1],
         "collect_over_mj_step": collect.get("ratio"),
         "overhead_per_env_step": collect.get("overhead_in_mj_steps"),
-        "sb3_overhead_per_env_step": sb3_overhead(parts),
+        "sb3_overhead_per_env_step": min(sb3_overheads(parts).values(), default=None),
         "update_per_sample": collect.get("update_in_mj_steps_per_sample"),
         "update_share": threads and threads[-1]["update_share"],
         "threads_2_over_1": ratio(two and two["env_steps_per_s"], one and one["env_steps_per_s"]),
@@ -190,10 +190,11 @@ def time_section(parts):
                             ("SB3, its best", parts.starting_with("sb3-time-best-"))]:
         each = ", ".join(number(row["seconds"]) if row["seconds"] is not None
                          else f"not in {row['env_steps']} env steps" for row in trainings)
-        rows.append((name, median_seconds(trainings), each))
+        memory = [row.get("peak_resident_mb") or row["resident_mb"] for row in trainings]
+        rows.append((name, median_seconds(trainings), each, statistics.median(memory) if memory else None))
     return section("Time to 1.5 times the default speed", "Seconds on 2 cores until the second evaluation in a row at or"
                    " above it, each of 20 episodes; evaluations are counted. `-`: most seeds did not reach it.",
-                   table(["", "median [s]", "each seed [s]"], rows))
+                   table(["", "median [s]", "each seed [s]", "memory [MB]"], rows))
 
 
 def startup_section(startup):
@@ -207,6 +208,16 @@ def check_section(check):
     return section("Do the peers do the same work?", "The Python task repeats canter's episodes; the largest differences"
                    f" may be {check['tolerance']}.",
                    table(["physics", "env steps", "accident", "observations differ by", "rewards"], rows))
+
+
+def sb3_cost_section(parts):
+    overheads = sb3_overheads(parts)
+    rows = [(row["vec_env"], 1 / row["collect_s_per_env_step"], overheads.get(row["vec_env"]),
+             1e9 * row["update_s_per_sample"]) for row in parts["sb3-cost"]]
+    return section("Stable-Baselines3 on one thread", "The overhead is what an env step costs above its physics as the"
+                   " floor has it; the policy's forward pass is part of it, as it is of canter's.",
+                   table(["vector environment", "env steps/s, collecting", "overhead per env step [reference `mj_step`]",
+                          "update per sample [ns]"], rows))
 
 
 def sb3_section(parts):
@@ -273,6 +284,8 @@ def write(out, requirements):
             text.append(section_of(parts[name]))
     if parts.starting_with("time-") or parts.starting_with("sb3-time-"):
         text.append(time_section(parts))
+    if parts["sb3-cost"]:
+        text.append(sb3_cost_section(parts))
     if parts["sb3-sweep"]:
         text.append(sb3_section(parts))
     if parts.errors:

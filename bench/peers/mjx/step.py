@@ -4,14 +4,19 @@ All robots stand still with the model's own time step. What MJX does not support
 """
 
 import argparse
+import contextlib
 import json
 import pathlib
 import resource
+import sys
 import time
 
 import jax
 import mujoco
-from mujoco import mjx
+
+# Without the GPU's packages it says so on the standard output.
+with contextlib.redirect_stdout(sys.stderr):
+    from mujoco import mjx
 
 ROOT = pathlib.Path(__file__).resolve().parents[3]
 

@@ -22,10 +22,19 @@ from environments import doggo
 NUM_IN_A_ROW = 2
 
 
-def canters(preset):
-    """The preset's hyperparameters in Stable-Baselines3's words."""
+def canters(preset, num_env_steps):
+    """The preset's hyperparameters in Stable-Baselines3's words, for a training of at most so many env steps.
+
+    A learning rate that follows the KL divergence has no counterpart: it stays at its first value.
+    """
     ppo, network, training = preset["ppo"], preset["network"], preset["training"]
-    first, last = ppo["learning_rate"], ppo.get("final_learning_rate")
+    first = ppo["learning_rate"]
+    last = ppo.get("final_learning_rate", first)
+
+    def learning_rate(share_left):
+        share = (1.0 - share_left) * num_env_steps / training["max_env_steps"]
+        return first + (last - first) * min(share, 1.0)
+
     return {
         "num_robots": training["num_environments"],
         "n_steps": training["horizon"],
@@ -34,7 +43,7 @@ def canters(preset):
         "gamma": ppo["gamma"],
         "gae_lambda": ppo["gae_lambda"],
         "clip_range": ppo["clip_epsilon"],
-        "learning_rate": first if last is None else lambda left: last + (first - last) * max(left, 0.0),
+        "learning_rate": learning_rate,
         "ent_coef": ppo["entropy_coefficient"],
         # canter's value loss has a factor 1/2.
         "vf_coef": 0.5 * ppo["value_coefficient"],
@@ -47,14 +56,14 @@ def canters(preset):
     }
 
 
-def settings(name, preset):
+def settings(name, preset, num_env_steps):
     """Hyperparameters by name; `num_robots` is how many robots collect, the rest is PPO's."""
-    ours = canters(preset)
+    ours = canters(preset, num_env_steps)
     return {
         "canter": ours,
         # Large minibatches and fewer of them: what PyTorch is fastest with.
         "large-batch": {**ours, "batch_size": 2048, "learning_rate": 6e-4},
-        # The rate that follows the divergence is rsl_rl's, not here; fewer epochs at its first rate.
+        # Less updating for each sample, in longer steps.
         "few-epochs": {**ours, "batch_size": 1024, "n_epochs": 5, "learning_rate": 1e-3},
         # RL Baselines3 Zoo's for Minitaur.
         "zoo": {"num_robots": 8, "n_steps": 2048, "batch_size": 64, "n_epochs": 10, "gamma": 0.99, "gae_lambda": 0.95,
@@ -141,7 +150,7 @@ def parse_args():
 def main():
     args = parse_args()
     task = doggo.Task.load(args.peer_task)
-    hyperparameters = settings(args.settings, task.preset)
+    hyperparameters = settings(args.settings, task.preset, args.env_steps)
     num_robots = hyperparameters.pop("num_robots")
     if args.first_step:
         env = environments.DoggoEnv(task)

@@ -16,7 +16,7 @@ fn env_step(criterion: &mut Criterion) {
     let mut observation = vec![0.0; task.num_observations()];
     let action = vec![0.0; task.num_actions()];
     let mut env = Env::new(task);
-    let mut reset = |env: &mut Env, observation: &mut [f32]| env.reset(&mut || 0.5, observation);
+    let reset = |env: &mut Env, observation: &mut [f32]| env.reset(&mut || 0.5, observation);
     reset(&mut env, &mut observation);
     criterion.bench_function("env_step", |bencher| {
         bencher.iter(|| {

@@ -61,9 +61,9 @@ fn throughput(num_threads: usize, repeats: u32) -> Result<f64, Box<dyn std::erro
     thread::scope(|scope| {
         for reference in &mut references {
             scope.spawn(move || {
-                (0..repeats).for_each(|_| {
+                for _ in 0..repeats {
                     reference.time();
-                })
+                }
             });
         }
     });

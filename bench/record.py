@@ -7,6 +7,9 @@ import statistics
 # The peers' own pinned versions that a reader wants to know.
 PACKAGES = ("mujoco", "mujoco-mjx", "jax", "torch", "stable_baselines3", "gymnasium", "numpy")
 
+# A shorter training shows no growth.
+LONG_ENV_STEPS = 10_000_000
+
 
 class Parts:
     """The numbers of the parts that have run; a part that has not, or failed, is None."""
@@ -27,11 +30,9 @@ class Parts:
 
 
 def median_seconds(trainings):
-    """Median over the trainings, where one that never reached the speed took for ever; None: so did the median."""
-    if not trainings:
-        return None
-    seconds = statistics.median(math.inf if row["seconds"] is None else row["seconds"] for row in trainings)
-    return seconds if math.isfinite(seconds) else None
+    """Median over the trainings, of which one that never reached the speed took for ever; None: there are none."""
+    seconds = [math.inf if row["seconds"] is None else row["seconds"] for row in trainings]
+    return statistics.median(seconds) if seconds else None
 
 
 def row_of(rows, key, value):
@@ -39,8 +40,8 @@ def row_of(rows, key, value):
 
 
 def ratio(a, b):
-    """a / b, or None where one is missing or b is 0."""
-    return a / b if a is not None and b else None
+    """a / b, or None where one is missing."""
+    return None if a is None or b is None else a / b
 
 
 def sb3_overheads(parts):
@@ -56,11 +57,11 @@ def sb3_overheads(parts):
 def figures(parts):
     """The record's numbers; None where the part that gives one is missing."""
     collect, growth, startup, floor = parts["collect"] or {}, parts["growth"] or {}, parts["startup"], parts["floor"]
-    threads = growth.get("threads")
+    threads, long = growth.get("threads"), parts["long"]
     one, two = row_of(threads, "threads", 1), row_of(threads, "threads", 2)
     canter = median_seconds(parts.starting_with("time-"))
     ours, best = (median_seconds(parts.starting_with(f"sb3-time-{kind}-")) for kind in ("canter", "best"))
-    reached = [seconds for seconds in (ours, best) if seconds is not None]
+    sb3 = [seconds for seconds in (ours, best) if seconds is not None]
     with_64 = row_of(growth.get("environments"), "environments", 64)
     return {
         "reference_mj_step_ns": floor and floor["reference_mj_step_ns"][1],
@@ -71,19 +72,19 @@ def figures(parts):
         "update_share": threads and threads[-1]["update_share"],
         "threads_2_over_1": ratio(two and two["env_steps_per_s"], one and one["env_steps_per_s"]),
         "seconds_to_1_5x": canter,
-        "sb3_seconds_to_1_5x": min(reached, default=None),
+        "sb3_seconds_to_1_5x": min(sb3, default=None),
         "sb3_seconds_to_1_5x_with_our_settings": ours,
         "sb3_seconds_to_1_5x_with_its_best": best,
         "version_ms": startup and statistics.median(startup["version_ms"]),
         "first_env_step_ms": startup and statistics.median(startup["first_env_step_ms"]),
         "resident_mb_with_64_environments": with_64 and with_64["peak_resident_mb"],
         "policy_step_ns": parts["criterion"] and parts["criterion"]["policy_act"][1],
-        "growth_mb_over_10m_env_steps": parts["long"] and parts["long"]["growth_mb"],
+        "growth_mb_over_10m_env_steps": long["growth_mb"] if long and long["env_steps"] >= LONG_ENV_STEPS else None,
     }
 
 
 def targets(figure):
-    """Name, value and whether it is enough, for each target; None: not measured."""
+    """Name, figure and whether it is enough, for each target; None: not measured."""
     at_most = lambda value, limit: None if value is None else value <= limit
     at_least = lambda value, limit: None if value is None else value >= limit
     overhead = ratio(figure["sb3_overhead_per_env_step"], figure["overhead_per_env_step"])
@@ -113,6 +114,8 @@ def number(value):
         return "-"
     if isinstance(value, (str, int)):
         return str(value)
+    if not math.isfinite(value):
+        return "not reached"
     return f"{value:.0f}" if abs(value) >= 1000 else f"{value:.3g}"
 
 
@@ -188,12 +191,12 @@ def time_section(parts):
     for name, trainings in [("canter", parts.starting_with("time-")),
                             ("SB3, canter's settings", parts.starting_with("sb3-time-canter-")),
                             ("SB3, its best", parts.starting_with("sb3-time-best-"))]:
-        each = ", ".join(number(row["seconds"]) if row["seconds"] is not None
-                         else f"not in {row['env_steps']} env steps" for row in trainings)
+        each = ", ".join(f"not in {row['env_steps']} env steps" if row["seconds"] is None else number(row["seconds"])
+                         for row in trainings)
         memory = [row.get("peak_resident_mb") or row["resident_mb"] for row in trainings]
         rows.append((name, median_seconds(trainings), each, statistics.median(memory) if memory else None))
     return section("Time to 1.5 times the default speed", "Seconds on 2 cores until the second evaluation in a row at or"
-                   " above it, each of 20 episodes; evaluations are counted. `-`: most seeds did not reach it.",
+                   " above it, each of 20 episodes; evaluations are counted.",
                    table(["", "median [s]", "each seed [s]", "memory [MB]"], rows))
 
 
@@ -205,8 +208,9 @@ def startup_section(startup):
 def check_section(check):
     rows = [(row["physics"], row["env_steps"], row["accident"] or "none", row["observation_difference"],
              row["reward_difference"]) for row in check["episodes"]]
+    speeds = (number(check[key]) for key in ("prior_speed_m_per_s", "canters_prior_speed_m_per_s"))
     return section("Do the peers do the same work?", "The Python task repeats canter's episodes; the largest differences"
-                   f" may be {check['tolerance']}.",
+                   f" may be {check['tolerance']}. Over whole evaluations the prior walks {' and '.join(speeds)} m/s.",
                    table(["physics", "env steps", "accident", "observations differ by", "rewards"], rows))
 
 
@@ -270,7 +274,9 @@ def write(out, requirements):
     """Writes README.md and results.json of the record in this folder."""
     parts, machine = Parts(out / "parts"), json.loads((out / "machine.json").read_text())
     figure = figures(parts)
-    (out / "results.json").write_text(json.dumps({**machine, **figure}, indent=2) + "\n")
+    # JSON has no infinity: a speed that was never reached is null, like a figure that was not measured.
+    finite = {key: value if value is None or math.isfinite(value) else None for key, value in figure.items()}
+    (out / "results.json").write_text(json.dumps({**machine, **finite}, indent=2) + "\n")
     budgets = sorted({part["budget"] for part in parts.envelopes.values()})
     warning = "" if budgets == ["full"] else "\n**Measured with tiny budgets: these numbers show that it runs, no more.**\n"
     text = [f"# Benchmarks of {machine['date']} on {machine['cpu']}, {machine['cores']} cores\n{warning}\n"

@@ -333,8 +333,10 @@ def evaluate(task, num_threads, act):
     control_dt_s = task.preset["task"]["control_dt_s"]
     num_steps, settle_steps = (round(settings[key] / control_dt_s) for key in ("episode_s", "settle_s"))
     world = World(task, BatchPhysics(task.model(), len(starts), num_threads))
-    for index, numbers in enumerate(starts):
-        world.reset(index, numbers)
+    for index, start in enumerate(starts):
+        world.reset(index, start["numbers"])
+        # To the last bit: it decides whether the lowest foot, which just touches the ground, has a contact at once.
+        world.physics.qpos[index] = start["qpos"]
     is_walking = np.ones(len(starts), dtype=bool)
     settled, end = np.zeros(len(starts)), np.zeros(len(starts))
     for step in range(num_steps):

@@ -7,7 +7,8 @@
 //! - **bare**: the same physics steps, calls of `mj_step` with nothing between them but the copy of the commands once
 //!   per env step. Starts of episodes are restored from a recording while the clock stands still.
 //!
-//! Both must end in the same state, bit for bit, or the program fails.
+//! Both must end in the same state, bit for bit, or the program fails. Costs are also given in reference `mj_step`s,
+//! which are timed in turns with the rest.
 //!
 //! ```sh
 //! cargo run --release -p canter-bench --bin collect
@@ -18,6 +19,9 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Instant;
 
+use canter_bench::bare::{BareSimulation, Event, Recording};
+use canter_bench::level::{PRESET, resolve_on_level_ground};
+use canter_bench::reference::Reference;
 use canter_gait::Network;
 use canter_learn::collect::{CollectorState, PolicyView, collect_column};
 use canter_learn::environment::{Environment, StepOutcome};
@@ -25,8 +29,7 @@ use canter_learn::random::{Purpose, stream};
 use canter_learn::rollout::Rollout;
 use canter_sim::Task;
 use canter_sim::forward::fastest_forward;
-use canter_sim::mujoco::Simulation;
-use canter_train::config::{Resolved, open_preset, resolve};
+use canter_train::config::{ConfigError, Resolved, open_preset, resolve};
 use canter_train::environment::TrainingEnvironment;
 use canter_train::executor::Workers;
 use canter_train::statistics::{bootstrap_interval, mean, quantile};
@@ -73,6 +76,12 @@ struct Report {
     bare_env_steps_per_s: f64,
     /// Median over the pairs of the difference per env step [ns].
     overhead_ns_per_env_step: f64,
+    /// Median over the rounds of one reference `mj_step` [ns].
+    reference_mj_step_ns: f64,
+    /// The overhead of collecting per env step in reference `mj_step`s.
+    overhead_in_mj_steps: f64,
+    /// Wall time of advantages and update by samples of the rollout, in reference `mj_step`s.
+    update_in_mj_steps_per_sample: f64,
     /// Threads of the training.
     training_threads: usize,
     /// Mean wall time of collecting in one iteration of training [s].
@@ -88,13 +97,14 @@ struct Report {
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let args = Args::parse();
     let workers = Workers::new(args.threads)?;
-    let mut trainer = Trainer::new(resolve(&open_preset("doggo")?)?);
+    let mut trainer = Trainer::new(resolve(&open_preset(PRESET)?)?);
     let mut iterations = Vec::new();
     for _ in 0..args.iterations {
         iterations.push(trainer.iterate(&workers)?);
     }
-    let pairs = compare(&trainer, &iterations, args.rounds);
-    let report = Report::new(&pairs, &iterations, &trainer.resolved().clone(), workers.num_threads());
+    let task = resolve_on_level_ground(&[])?.task;
+    let timings = compare(&trainer, &task, &iterations, args.rounds)?;
+    let report = Report::new(&timings, &iterations, trainer.resolved(), workers.num_threads());
     report.print();
     if let Some(path) = &args.json {
         fs::write(path, serde_json::to_string_pretty(&report)? + "\n")?;
@@ -109,9 +119,21 @@ struct Pair {
     bare_s: f64,
 }
 
-/// Collects and replays every environment's column, `rounds` times, with the trained policy.
-fn compare(trainer: &Trainer, iterations: &[IterationReport], rounds: u32) -> Vec<Pair> {
-    let Resolved { config, task } = trainer.resolved();
+/// Everything that was timed.
+struct Timings {
+    pairs: Vec<Pair>,
+    /// One reference `mj_step` [s], once a round.
+    reference_s: Vec<f64>,
+}
+
+/// Collects and replays every environment's column, `rounds` times, with the trained policy, on level ground.
+fn compare(
+    trainer: &Trainer,
+    task: &Arc<Task>,
+    iterations: &[IterationReport],
+    rounds: u32,
+) -> Result<Timings, ConfigError> {
+    let config = &trainer.resolved().config;
     let (model, normaliser) = (trainer.model(), trainer.normaliser());
     // The mean spread for every component: what the noise is makes no difference to the time.
     let mean_std = iterations.last().map_or(1.0, |report| report.mean_std);
@@ -127,9 +149,9 @@ fn compare(trainer: &Trainer, iterations: &[IterationReport], rounds: u32) -> Ve
     let seed = config.seed + 1;
     let mut columns: Vec<Column> =
         (0..num_environments).map(|index| Column::new(task, seed, index, config.training.horizon)).collect();
-    let mut bare = BareSimulation::new(task);
+    let (mut bare, mut reference) = (BareSimulation::new(task), Reference::new()?);
     // The first round warms up caches and starts all episodes, so that the rounds that count have walking robots.
-    let mut pairs = Vec::new();
+    let mut timings = Timings { pairs: Vec::new(), reference_s: Vec::new() };
     for round in 0..=rounds {
         for (index, column) in columns.iter_mut().enumerate() {
             let rng = || stream(seed, Purpose::Exploration, index as u64, u64::from(round));
@@ -139,13 +161,17 @@ fn compare(trainer: &Trainer, iterations: &[IterationReport], rounds: u32) -> Ve
             let bare_first_s = is_bare_first.then(|| bare.replay(&recording));
             let collect_s = column.collect(&policy, rng());
             let bare_s = bare_first_s.unwrap_or_else(|| bare.replay(&recording));
-            assert_eq!(bare.simulation.state(), bare.physics(&column.environment.state()), "both did the same work");
+            assert_eq!(bare.state(), bare.physics(&column.environment.state()), "both did the same work");
             if round > 0 {
-                pairs.push(Pair { collect_s, bare_s });
+                timings.pairs.push(Pair { collect_s, bare_s });
             }
         }
+        let reference_s = reference.time();
+        if round > 0 {
+            timings.reference_s.push(reference_s);
+        }
     }
-    pairs
+    Ok(timings)
 }
 
 /// One environment with its part of a rollout.
@@ -189,19 +215,6 @@ impl Column {
     }
 }
 
-/// What happened to an environment, each with the environment's state after it.
-enum Event {
-    /// The recording or an episode starts.
-    Start(Vec<f64>),
-    /// One env step.
-    Step(Vec<f64>),
-}
-
-/// Everything that happened to an environment while its column was filled.
-struct Recording {
-    events: Vec<Event>,
-}
-
 /// Writes down what happens to an environment.
 struct Recorder<'a> {
     environment: &'a mut TrainingEnvironment,
@@ -229,68 +242,10 @@ impl Environment for Recorder<'_> {
     }
 }
 
-/// The physics alone.
-struct BareSimulation {
-    simulation: Simulation,
-    num_substeps: u32,
-    state_len: usize,
-}
-
-impl BareSimulation {
-    /// The motors' limits stay as the model has them: their speeds never reach the part of the curve where the limit
-    /// falls. If they did, the states at the end would differ.
-    fn new(task: &Task) -> Self {
-        let settings = &task.settings;
-        assert!(settings.slope_deg == 0.0 && settings.friction.is_none(), "flat ground, the model's own friction");
-        let mut model = task.robot.model.clone();
-        model.set_timestep_s(settings.physics_dt_s);
-        let simulation = Simulation::new(&model);
-        Self { state_len: simulation.state().len(), simulation, num_substeps: task.num_substeps }
-    }
-
-    /// MuJoCo's part of an environment's state: the end of it.
-    fn physics<'a>(&self, state: &'a [f64]) -> &'a [f64] {
-        &state[state.len() - self.state_len..]
-    }
-
-    fn restore(&mut self, state: &[f64]) {
-        let physics = &state[state.len() - self.state_len..];
-        self.simulation.set_state(physics).expect("a state of the same model");
-    }
-
-    /// Repeats the recorded physics steps and returns the time they took [s].
-    fn replay(&mut self, recording: &Recording) -> f64 {
-        // A state after an env step holds the commands of that step.
-        let mut commands = Vec::new();
-        for event in &recording.events {
-            if let Event::Step(state) = event {
-                self.restore(state);
-                commands.push(self.simulation.ctrl_mut().to_vec());
-            }
-        }
-        let mut commands = commands.iter();
-        let mut total_s = 0.0;
-        for episode in recording.events.chunk_by(|_, next| matches!(next, Event::Step(_))) {
-            if let [Event::Start(state), ..] = episode {
-                self.restore(state);
-            }
-            let steps = commands.by_ref().take(episode.len() - 1);
-            let start = Instant::now();
-            for command in steps {
-                self.simulation.ctrl_mut().copy_from_slice(command);
-                for _ in 0..self.num_substeps {
-                    self.simulation.step();
-                }
-            }
-            total_s += start.elapsed().as_secs_f64();
-        }
-        total_s
-    }
-}
-
 impl Report {
-    fn new(pairs: &[Pair], iterations: &[IterationReport], resolved: &Resolved, training_threads: usize) -> Self {
-        let horizon = resolved.config.training.horizon;
+    fn new(timings: &Timings, iterations: &[IterationReport], resolved: &Resolved, training_threads: usize) -> Self {
+        let (pairs, training) = (&timings.pairs, &resolved.config.training);
+        let horizon = training.horizon;
         let sorted = |value: &dyn Fn(&Pair) -> f64| {
             let mut values: Vec<f64> = pairs.iter().map(value).collect();
             values.sort_by(f64::total_cmp);
@@ -304,6 +259,9 @@ impl Report {
         };
         let steps = horizon as f64;
         let over = |value: fn(&IterationReport) -> f64| mean(&iterations.iter().map(value).collect::<Vec<_>>());
+        let reference_mj_step_ns = 1e9 * median_of(&timings.reference_s);
+        let overhead_ns_per_env_step = quantile(&sorted(&|pair| (pair.collect_s - pair.bare_s) * 1e9 / steps), 0.5);
+        let update_ns = |update_s: f64| 1e9 * update_s / (training.num_environments * horizon) as f64;
         let (training_collect_s, training_update_s) = (over(|report| report.collect_s), over(|report| report.update_s));
         Self {
             num_pairs: pairs.len(),
@@ -314,7 +272,10 @@ impl Report {
             ratio_quartiles: [quantile(&ratios, 0.25), quantile(&ratios, 0.75)],
             collect_env_steps_per_s: quantile(&sorted(&|pair| steps / pair.collect_s), 0.5),
             bare_env_steps_per_s: quantile(&sorted(&|pair| steps / pair.bare_s), 0.5),
-            overhead_ns_per_env_step: quantile(&sorted(&|pair| (pair.collect_s - pair.bare_s) * 1e9 / steps), 0.5),
+            overhead_ns_per_env_step,
+            reference_mj_step_ns,
+            overhead_in_mj_steps: overhead_ns_per_env_step / reference_mj_step_ns,
+            update_in_mj_steps_per_sample: update_ns(training_update_s) / reference_mj_step_ns,
             training_threads,
             training_collect_s,
             training_update_s,
@@ -340,6 +301,9 @@ impl Report {
         println!("| collecting, one thread | {:.0} env steps/s |", self.collect_env_steps_per_s);
         println!("| bare, one thread | {:.0} env steps/s |", self.bare_env_steps_per_s);
         println!("| overhead of collecting | {:.0} ns per env step |", self.overhead_ns_per_env_step);
+        println!("| one reference `mj_step` | {:.0} ns |", self.reference_mj_step_ns);
+        println!("| overhead of collecting per env step | {:.3} reference `mj_step` |", self.overhead_in_mj_steps);
+        println!("| update per sample | {:.3} reference `mj_step` |", self.update_in_mj_steps_per_sample);
         println!(
             "| one iteration of training, {} threads | {:.3} s collecting, {:.3} s updating |",
             self.training_threads, self.training_collect_s, self.training_update_s

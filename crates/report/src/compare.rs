@@ -1,5 +1,6 @@
 //! The report on a comparison.
 
+use std::cmp::Ordering;
 use std::collections::BTreeMap;
 use std::path::Path;
 
@@ -65,6 +66,7 @@ pub fn report(folder: &Path) -> Result<Written, ReportError> {
                 .to_owned(),
         );
     }
+    notes.extend(faster_but_falling(&rungs, default));
     notes.extend(left_out.iter().cloned());
     let (verdict, numbers) = verdict(&rungs, default);
     let page = html(&Page {
@@ -109,9 +111,8 @@ fn with_trajectory<'a>(subjects: &'a [Subject], trajectories: &'a BTreeMap<Strin
 }
 
 fn verdict(rungs: &[Placed<'_>], default: &Placed<'_>) -> (String, Vec<BigNumber>) {
-    let by_speed = |a: &&Placed<'_>, b: &&Placed<'_>| a.1.speed_iqm.total_cmp(&b.1.speed_iqm);
     let learned = rungs.iter().filter(|(_, rung)| rung.kind == Kind::Learned);
-    let (subject, best) = learned.max_by(by_speed).unwrap_or(default);
+    let (subject, best) = learned.max_by(|a, b| safer_then_faster(a, b)).unwrap_or(default);
     let tuned = rungs.iter().find(|(subject, rung)| subject.key == TUNED && rung.speed_iqm > 0.0);
     let episodes: u64 = best.seeds.iter().map(|seed| seed.num_episodes).sum();
     let num_falls: u64 = best.seeds.iter().map(|seed| seed.falls).sum();
@@ -153,6 +154,32 @@ fn verdict(rungs: &[Placed<'_>], default: &Placed<'_>) -> (String, Vec<BigNumber
         meaning: format!("in {} episodes over {seeds} training seeds", grouped(episodes)),
     });
     (sentence, numbers)
+}
+
+/// Share of the episodes of a rung that end in a fall.
+fn fall_share(rung: &read::Rung) -> f64 {
+    let count = |value: fn(&SeedResult) -> u64| rung.seeds.iter().map(value).sum::<u64>() as f64;
+    count(|seed| seed.falls) / count(|seed| seed.num_episodes).max(1.0)
+}
+
+/// The order in which a verdict prefers gaits: one that falls less often comes first, as in the search for the tuned gait.
+fn safer_then_faster(a: &Placed<'_>, b: &Placed<'_>) -> Ordering {
+    fall_share(b.1).total_cmp(&fall_share(a.1)).then(a.1.speed_iqm.total_cmp(&b.1.speed_iqm))
+}
+
+/// What to know of gaits that are faster than the verdict's: they fall.
+fn faster_but_falling(rungs: &[Placed<'_>], default: &Placed<'_>) -> Option<String> {
+    let learned = || rungs.iter().filter(|(_, rung)| rung.kind == Kind::Learned);
+    let (_, best) = learned().max_by(|a, b| safer_then_faster(a, b)).unwrap_or(default);
+    let faster: Vec<String> = learned()
+        .filter(|(_, rung)| rung.speed_iqm > best.speed_iqm)
+        .map(|(subject, rung)| {
+            let episodes = rung.seeds.iter().map(|seed| seed.num_episodes).sum();
+            let num_falls = rung.seeds.iter().map(|seed| seed.falls).sum();
+            format!("{}, {} m/s with {}", subject.label, quantity(rung.speed_iqm, 2), falls(num_falls, episodes))
+        })
+        .collect();
+    (!faster.is_empty()).then(|| format!("Faster, but falling more often: {}.", faster.join("; ")))
 }
 
 /// The label as it begins a sentence.

@@ -55,7 +55,9 @@ fn authority_zero_has_exactly_the_speeds_of_the_prior() {
 /// Walks an episode of an evaluation again with nothing but the simulator's own environment: way forward from the
 /// settling time until the accident, and the step of the accident.
 fn walk_again(task: &Arc<Task>, settings: &EvaluationSettings, number: u64, action: &[f32]) -> (f64, Option<u32>) {
-    let mut env = Env::new(task.clone());
+    let mut judged = Task::clone(task).with_physics_dt_s(settings.physics_dt_s).unwrap();
+    judged.settings.height_margin_m = 0.0;
+    let mut env = Env::new(Arc::new(judged));
     let mut observation = vec![0.0; task.num_observations()];
     let mut rng = stream(settings.seed, Purpose::Evaluation, 0, number);
     env.reset(&mut || (rng.next_u64() >> 11) as f64 / (1_u64 << 53) as f64, &mut observation);

@@ -67,6 +67,7 @@ pub fn claims(comparison: &Comparison) -> Vec<Claim> {
     claims.extend([Rung::Paper, Rung::Doggo].map(|rung| still_that_gait(comparison, rung)));
     claims.push(faster_than_default(comparison, Rung::Doggo, 2.5, (BEYOND, "-")));
     claims.push(faster_than_tuned(comparison));
+    claims.push(faster_than_without(comparison));
     claims.push(climbs(comparison));
     claims
 }
@@ -199,6 +200,30 @@ fn faster_than_tuned(comparison: &Comparison) -> Claim {
         verdict(holds)
     );
     Claim { claim, source: BEYOND, paper: "-".to_owned(), ours: with_interval(ratio, 2), holds, sentence }
+}
+
+fn faster_than_without(comparison: &Comparison) -> Claim {
+    let claim = "`doggo` is faster than learning without the prior at its best".to_owned();
+    let rung = |rung| comparison.rungs.get(&rung);
+    let (Some(doggo), Some(free)) = (rung(Rung::Doggo), rung(Rung::DirectBest)) else {
+        return not_measured(claim, (BEYOND, "-"), "the comparison ran without `doggo` or `direct-best`");
+    };
+    let difference = Sample::speeds(&doggo.seeds).against(&Sample::speeds(&free.seeds), |own, other| own - other);
+    let holds = at_least(difference.1, 0.0);
+    let synchrony = |rung| footfall(comparison, rung).map_or(0.0, |footfall| 100.0 * footfall.diagonal_synchrony);
+    let sentence = format!(
+        "`doggo` walks {:.2} m/s with {}, `direct-best`, whose motor angles are free and which has no gait to keep, {:.2} m/s \
+         with {}; diagonal legs agree {:.0} % and {:.0} % of the time, {}.",
+        doggo.speed_iqm,
+        falls(doggo),
+        free.speed_iqm,
+        falls(free),
+        synchrony(Rung::Doggo),
+        synchrony(Rung::DirectBest),
+        verdict(holds)
+    );
+    let ours = format!("{} m/s more", with_interval(difference, 2));
+    Claim { claim, source: BEYOND, paper: "-".to_owned(), ours, holds, sentence }
 }
 
 /// Return at the start of a training: the mean of its first points.
@@ -626,6 +651,7 @@ mod tests {
             (Rung::Stepping, Made { speed: 0.4, ..GAIT }),
             (Rung::Tuned, Made { speed: 1.5, ..GAIT }),
             (Rung::Direct, direct),
+            (Rung::DirectBest, Made { speed: 1.2, ..direct }),
             (Rung::Paper, paper),
             (Rung::Doggo, Made { speed: 2.0, uphill: 0.5, ..paper }),
         ]
@@ -643,7 +669,7 @@ mod tests {
         assert_eq!(comparison.default_rung, Rung::Sine);
         let open: Vec<_> = comparison.claims.iter().filter(|claim| claim.holds != Some(true)).collect();
         assert!(open.is_empty(), "{open:#?}");
-        assert_eq!(comparison.claims.len(), 13);
+        assert_eq!(comparison.claims.len(), 14);
         // 1.0 / 0.5, seeds 1.01 to 1.03 times.
         let faster = claim(&comparison, "50 %");
         assert!(faster.ours.starts_with("2.04 ["), "{}", faster.ours);
@@ -681,6 +707,8 @@ mod tests {
             (holds(&hopping, "`doggo` is still"), holds(&hopping, "`paper` is still")),
             (Some(false), Some(true))
         );
+        let free = changed(Rung::DirectBest, |free| free.speed = 2.5);
+        assert_eq!(holds(&free, "`doggo` is faster than"), Some(false));
         let falling = changed(Rung::Doggo, |doggo| doggo.uphill_falls = 1);
         assert_eq!(holds(&falling, "`doggo` climbs"), Some(false));
         let equal = changed(Rung::Doggo, |doggo| doggo.speed = 1.5);

@@ -14,10 +14,11 @@ fn size(png: &[u8]) -> (u32, u32) {
 #[test]
 fn every_figure_is_a_picture_beside_its_drawing() {
     let folder = common::TemporaryFolder::new();
-    common::write_comparison(folder.path(), &common::comparison());
-    canter_report::report_compare(folder.path()).unwrap();
+    let comparison = folder.join("comparison");
+    common::write_comparison(&comparison, &common::comparison());
+    canter_report::report_compare(&comparison).unwrap();
     let mut num_pictures = 0;
-    for entry in fs::read_dir(folder.path().join("figures")).unwrap() {
+    for entry in fs::read_dir(comparison.join("figures")).unwrap() {
         let drawing = entry.unwrap().path();
         if drawing.extension().is_none_or(|ending| ending != "svg") {
             continue;

@@ -101,7 +101,7 @@ fn a_comparison_ends_and_goes_on_after_stops_to_the_same_bytes() {
     for other in ["mass_factor", "delay_s", "push_m_per_s"] {
         assert_ne!(comparison["sweeps"][other]["rungs"]["sine"]["speed_m_per_s"][0], sine[0], "{other}");
     }
-    assert_eq!(comparison["claims"].as_array().unwrap().len(), 13);
+    assert_eq!(comparison["claims"].as_array().unwrap().len(), 14);
     for (rung, path) in comparison["trajectories"].as_object().unwrap() {
         let text = fs::read_to_string(undisturbed.join(path.as_str().unwrap())).unwrap();
         let trajectory: Value = serde_json::from_str(&text).unwrap();

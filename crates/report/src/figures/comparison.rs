@@ -59,7 +59,8 @@ pub fn returns(rungs: &[Placed<'_>], default: &Placed<'_>) -> Option<Figure> {
         title: "Learning with the prior and without".to_owned(),
         caption: format!(
             "Return of an episode while learning, with exploration, against all env steps taken. Line: interquartile \
-             mean over {seeds} training seeds; band: its 95 % bootstrap interval. Dashed level: return of the default \
+             mean over {seeds} training seeds; band: its 95 % bootstrap interval. A gait that is trained on slopes too has \
+             their episodes in its mean. Dashed level: return of the default \
              gait in the evaluation. Paper: figure 5."
         ),
         groups: vec![rows::alone(chart.finish())],

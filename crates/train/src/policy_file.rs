@@ -285,12 +285,12 @@ impl PolicyFile {
         if own.observation != other.observation {
             return differs("the observation", &own.observation, &other.observation);
         }
+        if own.action != other.action {
+            return differs("the action law", &own.action, &other.action);
+        }
         if own.mirror != other.mirror {
             let symmetric = |card: &PolicyCard| card.mirror.is_some();
             return differs("policy.symmetric =", &symmetric(own), &symmetric(other));
-        }
-        if own.action != other.action {
-            return differs("the action law", &own.action, &other.action);
         }
         if own.gait != other.gait {
             let gait = task.controller().gait();

@@ -11,8 +11,12 @@ use canter_train::trainer::{IterationReport, Trainer};
 use common::TemporaryFolder;
 
 /// Minibatches of four shards, so that gradients too come from several threads.
-const SHARDED: [(&str, &str); 3] =
-    [("training.horizon", "128"), ("ppo.minibatch_size", "512"), ("training.num_environments", "5")];
+const SHARDED: [(&str, &str); 4] = [
+    ("training.horizon", "128"),
+    ("ppo.minibatch_size", "512"),
+    ("training.num_environments", "5"),
+    ("task.variation.share", "0.5"),
+];
 
 #[test]
 fn one_two_and_three_threads_give_the_same_bytes_and_another_seed_gives_others() {
@@ -48,7 +52,7 @@ fn actions(policy: &PolicyFile) -> Vec<f32> {
 fn a_run_that_was_stopped_and_resumed_ends_like_one_that_was_not() {
     for modulation in ["amplitude", "modulate", "direct"] {
         let folder = TemporaryFolder::new();
-        let changes = [("policy.modulation", modulation)];
+        let changes = [("policy.modulation", modulation), ("task.variation.share", "0.5")];
         let undisturbed = folder.join("undisturbed");
         assert_eq!(common::run_in(&undisturbed, &changes, 2, None), Ending::Finished);
         let stopped = folder.join("stopped");

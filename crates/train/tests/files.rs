@@ -220,8 +220,11 @@ fn doctored_metadata_gives_the_right_error() {
 
 #[test]
 fn a_policy_is_refused_by_a_task_that_differs_in_what_matters_and_only_there() {
-    let policy = PolicyFile::of(&common::trained(&[], 1));
-    let refusal = |changes: &[(&str, &str)]| policy.check(&common::tiny(changes).task).map_err(|e| e.to_string());
+    const LOPSIDED: (&str, &str) = ("policy.symmetric", "false");
+    let policy = PolicyFile::of(&common::trained(&[LOPSIDED], 1));
+    let refusal = |changes: &[(&str, &str)]| {
+        policy.check(&common::tiny(&[&[LOPSIDED], changes].concat()).task).map_err(|e| e.to_string())
+    };
     refusal(&[("task.slope_deg", "5.0"), ("reward.energy", "0.5"), ("training.horizon", "64")]).unwrap();
     for (key, value, what) in [
         ("policy.prior", "stepping", "the gait"),
@@ -229,6 +232,7 @@ fn a_policy_is_refused_by_a_task_that_differs_in_what_matters_and_only_there() {
         ("policy.authority", "0.5", "the action law"),
         ("policy.ranges.swing_offset_rad", "[-0.1, 0.1]", "the action law"),
         ("policy.observation", "[\"motor_angles\"]", "the observation"),
+        ("policy.symmetric", "true", "policy.symmetric = false, not for true"),
         ("task.control_dt_s", "0.02", "a time between commands"),
     ] {
         // `control_dt_s` belongs to the robot as the controller sees it.

@@ -39,10 +39,13 @@ impl Drop for TemporaryFolder {
     }
 }
 
-/// The default preset made tiny: 4 environments, 32 steps, short episodes, small networks. `changes` come last.
+/// The default preset made tiny: 4 environments on level ground, 32 steps, short episodes, small networks. `changes` come
+/// last.
 pub fn tiny(changes: &[(&str, &str)]) -> Resolved {
-    const TINY: [(&str, &str); 12] = [
+    const TINY: [(&str, &str); 14] = [
+        ("task.height_margin_m", "0.0"),
         ("task.episode_s", "0.5"),
+        ("task.variation.share", "0.0"),
         ("network.actor_hidden", "16"),
         ("network.critic_hidden", "16"),
         ("ppo.num_epochs", "2"),

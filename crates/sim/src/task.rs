@@ -231,7 +231,7 @@ impl Task {
         // Only `modulate` uses the box, so only then must the prior lie in it.
         let boxed = if policy.modulation == ModulationChoice::Modulate { legs } else { &[] };
         let ranges = parameter_ranges(&policy.ranges, boxed, &mut problems);
-        let variation = Variation::new(settings, &mut problems);
+        let variation = Variation::new(&settings.variation, settings.slope_deg, &mut problems);
         if let (Some(gait), Some(ranges)) = (gait, &ranges) {
             let fastest_hz = f64::from(gait.stride_frequency_hz * ranges.frequency_factor.high.max(1.0));
             if fastest_hz * settings.control_dt_s > 0.5 {

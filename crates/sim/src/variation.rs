@@ -5,7 +5,6 @@
 
 use crate::settings;
 use crate::settings::Problems;
-use crate::task::TaskSettings;
 
 settings! {
     /// What differs between the environments of a training.
@@ -26,14 +25,14 @@ pub struct Variation {
 }
 
 impl Variation {
-    /// The task's variation; what is wrong with it is reported at `task.variation`.
-    pub(crate) fn new(task: &TaskSettings, problems: &mut Problems) -> Self {
-        let VariationSettings { share, slope_deg } = &task.variation;
+    /// The variation of a task whose own slope is `own_slope_deg` [deg]; what is wrong is reported at `task.variation`.
+    pub(crate) fn new(settings: &VariationSettings, own_slope_deg: f64, problems: &mut Problems) -> Self {
+        let VariationSettings { share, slope_deg } = settings;
         let slope_deg = slope_deg.as_deref().and_then(|slope| interval("task.variation.slope_deg", slope, problems));
         Self {
             share: share.unwrap_or(1.0),
             slope_rad: slope_deg.map(|slope| slope.map(f64::to_radians)),
-            own_slope_rad: task.slope_deg.to_radians(),
+            own_slope_rad: own_slope_deg.to_radians(),
         }
     }
 

@@ -66,7 +66,7 @@ pub fn report(folder: &Path) -> Result<Written, ReportError> {
                 .to_owned(),
         );
     }
-    notes.extend(faster_but_falling(&rungs, default));
+    notes.extend(faster_but_falling(&rungs));
     notes.extend(left_out.iter().cloned());
     let (verdict, numbers) = verdict(&rungs, default);
     let page = html(&Page {
@@ -111,8 +111,7 @@ fn with_trajectory<'a>(subjects: &'a [Subject], trajectories: &'a BTreeMap<Strin
 }
 
 fn verdict(rungs: &[Placed<'_>], default: &Placed<'_>) -> (String, Vec<BigNumber>) {
-    let learned = rungs.iter().filter(|(_, rung)| rung.kind == Kind::Learned);
-    let (subject, best) = learned.max_by(|a, b| safer_then_faster(a, b)).unwrap_or(default);
+    let (subject, best) = best_learned(rungs).unwrap_or(default);
     let tuned = rungs.iter().find(|(subject, rung)| subject.key == TUNED && rung.speed_iqm > 0.0);
     let episodes: u64 = best.seeds.iter().map(|seed| seed.num_episodes).sum();
     let num_falls: u64 = best.seeds.iter().map(|seed| seed.falls).sum();
@@ -167,11 +166,19 @@ fn safer_then_faster(a: &Placed<'_>, b: &Placed<'_>) -> Ordering {
     fall_share(b.1).total_cmp(&fall_share(a.1)).then(a.1.speed_iqm.total_cmp(&b.1.speed_iqm))
 }
 
+fn learned<'a, 'b>(rungs: &'a [Placed<'b>]) -> impl Iterator<Item = &'a Placed<'b>> {
+    rungs.iter().filter(|(_, rung)| rung.kind == Kind::Learned)
+}
+
+/// The learned gait that the verdict is about; none if nothing was learned.
+fn best_learned<'a, 'b>(rungs: &'a [Placed<'b>]) -> Option<&'a Placed<'b>> {
+    learned(rungs).max_by(|a, b| safer_then_faster(a, b))
+}
+
 /// What to know of gaits that are faster than the verdict's: they fall.
-fn faster_but_falling(rungs: &[Placed<'_>], default: &Placed<'_>) -> Option<String> {
-    let learned = || rungs.iter().filter(|(_, rung)| rung.kind == Kind::Learned);
-    let (_, best) = learned().max_by(|a, b| safer_then_faster(a, b)).unwrap_or(default);
-    let faster: Vec<String> = learned()
+fn faster_but_falling(rungs: &[Placed<'_>]) -> Option<String> {
+    let (_, best) = best_learned(rungs)?;
+    let faster: Vec<String> = learned(rungs)
         .filter(|(_, rung)| rung.speed_iqm > best.speed_iqm)
         .map(|(subject, rung)| {
             let episodes = rung.seeds.iter().map(|seed| seed.num_episodes).sum();

@@ -13,15 +13,12 @@ const TOLERANCE_M: f64 = 1e-4;
 /// How far phases may differ to count as equal [cycles].
 const TOLERANCE_CYCLES: f32 = 1e-4;
 
-/// What [`Mirror`] borrows.
+/// What [`Mirror`] borrows, checked to be a mirror.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MirrorMaps {
-    /// `(O)`
-    pub observation: Vec<Component>,
-    /// `(A)`
-    pub action: Vec<Component>,
-    /// Which component of the observation is the sine of the phase.
-    pub sine: usize,
+    observation: Vec<Component>,
+    action: Vec<Component>,
+    sine: usize,
 }
 
 impl MirrorMaps {
@@ -65,9 +62,36 @@ impl MirrorMaps {
         Ok(Self { observation, action, sine })
     }
 
-    /// The maps as the robot's code takes them; none if they are no mirror, as maps from a file may be.
-    pub fn mirror(&self) -> Option<Mirror<'_>> {
-        Mirror::new(&self.observation, &self.action, self.sine)
+    /// Maps from a file; none if they are no mirror.
+    ///
+    /// # Shapes
+    /// - `observation`: `(O)`
+    /// - `action`: `(A)`
+    /// - `sine`: which component of the observation is the sine of the phase
+    pub fn from_components(observation: Vec<Component>, action: Vec<Component>, sine: usize) -> Option<Self> {
+        Mirror::new(&observation, &action, sine)?;
+        Some(Self { observation, action, sine })
+    }
+
+    /// What becomes of each component of an observation, `(O)`.
+    pub fn observation(&self) -> &[Component] {
+        &self.observation
+    }
+
+    /// What becomes of each component of an action, `(A)`.
+    pub fn action(&self) -> &[Component] {
+        &self.action
+    }
+
+    /// Which component of the observation is the sine of the phase.
+    pub fn sine(&self) -> usize {
+        self.sine
+    }
+
+    /// The maps as the robot's code takes them.
+    #[inline]
+    pub fn mirror(&self) -> Mirror<'_> {
+        Mirror::from_checked(&self.observation, &self.action, self.sine)
     }
 }
 

@@ -303,7 +303,7 @@ impl Task {
 
     /// In which a policy sees the second half of the cycle; none if it is to see it as it is.
     pub fn mirror(&self) -> Option<Mirror<'_>> {
-        self.mirror.as_ref().and_then(MirrorMaps::mirror)
+        self.mirror.as_ref().map(MirrorMaps::mirror)
     }
 
     /// What that mirror borrows.

@@ -202,7 +202,7 @@ impl PolicyFile {
         Policy {
             normaliser: Normaliser { mean: &self.mean, inverse_std: &self.inverse_std },
             network: Network::new(self.shape, &self.parameters).expect("lengths were checked"),
-            mirror: self.mirror.as_ref().and_then(MirrorMaps::mirror),
+            mirror: self.mirror.as_ref().map(MirrorMaps::mirror),
         }
     }
 
@@ -252,10 +252,8 @@ impl PolicyFile {
         }
         let mean = file.get("normaliser.mean", &[input])?;
         let inverse_std = file.get("normaliser.inverse_std", &[input])?;
-        let mirror = card.mirror.as_ref().map(MirrorCard::maps);
-        if let Some(maps) = &mirror
-            && (maps.mirror().is_none() || (maps.observation.len(), maps.action.len()) != (input, output))
-        {
+        let mirror = card.mirror.as_ref().map(|card| card.maps().ok_or(PolicyError::Mirror)).transpose()?;
+        if mirror.as_ref().is_some_and(|maps| (maps.observation().len(), maps.action().len()) != (input, output)) {
             return Err(PolicyError::Mirror);
         }
         let policy = Self { card, shape, parameters, mean, inverse_std, mirror };
@@ -334,13 +332,14 @@ impl PolicyFile {
 impl MirrorCard {
     fn new(maps: &MirrorMaps) -> Self {
         let pairs = |components: &[Component]| components.iter().map(|c| (c.source, c.sign)).collect();
-        Self { observation: pairs(&maps.observation), action: pairs(&maps.action), sine: maps.sine }
+        Self { observation: pairs(maps.observation()), action: pairs(maps.action()), sine: maps.sine() }
     }
 
-    fn maps(&self) -> MirrorMaps {
+    /// None if it is no mirror.
+    fn maps(&self) -> Option<MirrorMaps> {
         let components =
             |pairs: &[(usize, f32)]| pairs.iter().map(|&(source, sign)| Component { source, sign }).collect();
-        MirrorMaps { observation: components(&self.observation), action: components(&self.action), sine: self.sine }
+        MirrorMaps::from_components(components(&self.observation), components(&self.action), self.sine)
     }
 }
 

@@ -146,6 +146,14 @@ impl Trainer {
         let start = Instant::now();
         self.collect(workers);
         let collected = Instant::now();
+        // On a thread of the pool: from outside, every minibatch would wake the pool and be woken by it.
+        let update = workers.install(|| self.update(workers))?;
+        let updated = Instant::now();
+        Ok(self.report(update, (collected - start).as_secs_f64(), (updated - collected).as_secs_f64()))
+    }
+
+    /// Estimates the advantages of the rollout and updates the networks with them.
+    fn update(&mut self, workers: &Workers) -> Result<UpdateMetrics, Divergence> {
         compute_values(&mut self.rollout, &self.model, &self.parameters, workers);
         estimate_advantages(&mut self.rollout, self.settings.gamma, self.settings.gae_lambda);
         self.anneal_learning_rate();
@@ -156,9 +164,7 @@ impl Trainer {
             seed: self.resolved.config.seed,
             iteration: self.progress.iterations,
         };
-        let update = update(&mut self.parameters, &mut self.adam, &self.rollout, &context, &mut self.workspace)?;
-        let updated = Instant::now();
-        Ok(self.report(update, (collected - start).as_secs_f64(), (updated - collected).as_secs_f64()))
+        update(&mut self.parameters, &mut self.adam, &self.rollout, &context, &mut self.workspace)
     }
 
     /// Sets the learning rate of this iteration, if it is to fall.

@@ -19,7 +19,7 @@ SPEED_TOLERANCE = 0.03
 
 def differences(task, physics, episode):
     """The largest difference of an observation and of a reward over an episode."""
-    world = doggo.World(task, physics)
+    world = doggo.World(task, physics, task.height_margin_m)
     start = episode["start"]
     world.reset(0, start["numbers"])
     observation = np.abs(world.observations()[0] - start["observation"]).max()

@@ -53,6 +53,11 @@ class Task:
         return round(self.preset["task"]["control_dt_s"] / self.preset["task"]["physics_dt_s"])
 
     @property
+    def height_margin_m(self):
+        """What trainings add to the least height."""
+        return self.preset["task"].get("height_margin_m", 0.0)
+
+    @property
     def num_actions(self):
         return 1 + 4 * len(self.robot["legs"])
 
@@ -176,9 +181,13 @@ def to_euler(quaternions):
 
 
 class World:
-    """N robots that do the task side by side; whoever steps them resets those whose episode has ended."""
+    """N robots that do the task side by side; whoever steps them resets those whose episode has ended.
 
-    def __init__(self, task, physics):
+    `height_margin_m` is added to the least height that is no accident: the preset's while it trains, none while it is
+    evaluated.
+    """
+
+    def __init__(self, task, physics, height_margin_m):
         self.task, self.physics = task, physics
         self.settings, self.weights = task.preset["task"], task.preset["reward"]
         self.blocks = task.preset["policy"]["observation"]
@@ -199,6 +208,7 @@ class World:
         self.leg_length_m = task.robot["stance_height_m"]
         self.lift_energy_j = task.peer["mass_kg"] * -model.opt.gravity[2] * self.leg_length_m
         self.max_env_steps = round(self.settings["episode_s"] / self.settings["control_dt_s"])
+        self.min_height_m = task.robot["limits"]["min_height_m"] + height_margin_m
 
         num_robots, delay = len(physics.qpos), task.robot["command_delay_steps"]
         self.phases = np.zeros(num_robots)
@@ -292,7 +302,7 @@ class World:
         errors = np.abs(self.commands[0] - np.stack([swing, extension], axis=2)).max(axis=(1, 2))
         is_far = errors > limits["stuck_error_rad"]
         self.stuck_s = np.where(is_far, self.stuck_s + self.settings["control_dt_s"], 0.0)
-        return ((up < np.cos(np.radians(limits["max_tilt_deg"]))) | (self.positions[:, 2] < limits["min_height_m"])
+        return ((up < np.cos(np.radians(limits["max_tilt_deg"]))) | (self.positions[:, 2] < self.min_height_m)
                 | (self.stuck_s >= limits["stuck_time_s"]))
 
     @property
@@ -332,7 +342,7 @@ def evaluate(task, num_threads, act):
     settings, starts = task.preset["evaluation"], task.peer["starts"]
     control_dt_s = task.preset["task"]["control_dt_s"]
     num_steps, settle_steps = (round(settings[key] / control_dt_s) for key in ("episode_s", "settle_s"))
-    world = World(task, BatchPhysics(task.model(), len(starts), num_threads))
+    world = World(task, BatchPhysics(task.model(), len(starts), num_threads), 0.0)
     for index, start in enumerate(starts):
         world.reset(index, start["numbers"])
         # To the last bit: it decides whether the lowest foot, which just touches the ground, has a contact at once.

@@ -2,7 +2,7 @@
 
 use canter_sim::settings::Document;
 use canter_sim::{Env, Task};
-use canter_train::config::{ConfigError, Resolved, open_preset, resolve};
+use canter_train::config::{ConfigError, EvaluationSettings, Resolved, open_preset, resolve};
 use canter_train::evaluate::{Conditions, Mover, Starts, run_episodes};
 use canter_train::executor::Workers;
 use canter_train::statistics::mean;
@@ -36,9 +36,10 @@ pub fn resolve_on_level_ground(overrides: &[(&str, String)]) -> Result<Resolved,
     resolve(&document)
 }
 
-/// The preset's evaluation, from starts of its own.
+/// The preset's evaluation, from starts of its own and with the training's physics step: the peers have no other.
 pub fn conditions(resolved: &Resolved) -> Conditions {
-    let conditions = Conditions::from(&resolved.config.evaluation);
+    let physics_dt_s = resolved.task.settings.physics_dt_s;
+    let conditions = Conditions::from(&EvaluationSettings { physics_dt_s, ..resolved.config.evaluation.clone() });
     Conditions { starts: Starts { row: STARTS_ROW, ..conditions.starts }, ..conditions }
 }
 

@@ -26,7 +26,7 @@ import doggo
 
 def walk(task, model, num_env_steps):
     """The prior's commands, `(T, nu)`, and the start, `(nq)`."""
-    world = doggo.World(task, doggo.SinglePhysics(model))
+    world = doggo.World(task, doggo.SinglePhysics(model), task.height_margin_m)
     world.reset(0, np.full(doggo.NUMBERS_PER_START, 0.5))
     start = world.physics.qpos[0].copy()
     phases = np.arange(num_env_steps) * task.preset["task"]["control_dt_s"] * world.law.frequency_hz % 1.0

@@ -25,7 +25,7 @@ class DoggoEnv(gymnasium.Env):
 
     def __init__(self, task):
         self.observation_space, self.action_space = spaces(task)
-        self.world = doggo.World(task, doggo.SinglePhysics(task.model()))
+        self.world = doggo.World(task, doggo.SinglePhysics(task.model()), task.height_margin_m)
 
     def reset(self, *, seed=None, options=None):
         super().reset(seed=seed)
@@ -44,7 +44,7 @@ class BatchVecEnv(VecEnv):
 
     def __init__(self, task, num_robots, num_threads):
         super().__init__(num_robots, *spaces(task))
-        self.world = doggo.World(task, doggo.BatchPhysics(task.model(), num_robots, num_threads))
+        self.world = doggo.World(task, doggo.BatchPhysics(task.model(), num_robots, num_threads), task.height_margin_m)
         self.rng, self.actions = np.random.default_rng(), None
 
     def seed(self, seed=None):

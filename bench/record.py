@@ -205,6 +205,18 @@ def startup_section(startup):
     return section("Start-up", "Wall times of whole processes.", table(["", "median [ms]", "least", "most"], rows))
 
 
+def step_section(step):
+    head = ["gait", *(f"{dt_s} s" for dt_s in step["steps_s"]), "0.002 s to the finest", "0.005 s to the finest"]
+    percent = lambda share: f"{100 * share:+.1f} %"
+    rows = [(row["gait"], *(f"{speed:.3f} ({falls})" for speed, falls in zip(row["speeds_m_per_s"], row["falls"])),
+             percent(row["change_at_0_002"]), percent(row["change_at_0_005"])) for row in step["rows"]]
+    far = [row["gait"] for row in step["rows"] if abs(row["change_at_0_005"]) > 0.05]
+    return section("The physics step", f"Speed [m/s] over 20 episodes of the default gaits and of policies after"
+                   f" {step['env_steps']} env steps of training at 0.005 s, judged with finer and coarser physics steps; in"
+                   f" brackets episodes that fell. More than 5 % from the finest step at 0.005 s: "
+                   f"{', '.join(far) if far else 'none'}.", table(head, rows))
+
+
 def check_section(check):
     rows = [(row["physics"], row["env_steps"], row["accident"] or "none", row["observation_difference"],
              row["reward_difference"]) for row in check["episodes"]]
@@ -279,11 +291,12 @@ def write(out, requirements):
     (out / "results.json").write_text(json.dumps({**machine, **finite}, indent=2) + "\n")
     budgets = sorted({part["budget"] for part in parts.envelopes.values()})
     warning = "" if budgets == ["full"] else "\n**Measured with tiny budgets: these numbers show that it runs, no more.**\n"
+    notes = out / "notes.md"
     text = [f"# Benchmarks of {machine['date']} on {machine['cpu']}, {machine['cores']} cores\n{warning}\n"
             "Made by `bench/run`; [bench/README.md](../../README.md) says what each number means.\n",
-            target_section(figure)]
+            target_section(figure), *([notes.read_text()] if notes.exists() else [])]
     whole = {"floor": floor_section, "collect": collect_section, "criterion": criterion_section,
-             "growth": growth_section, "startup": startup_section, "check": check_section, "physics": physics_section,
+             "growth": growth_section, "startup": startup_section, "step": step_section, "check": check_section, "physics": physics_section,
              "mjx": mjx_section, "long": long_section}
     for name, section_of in whole.items():
         if parts[name]:

@@ -79,6 +79,31 @@ pub fn test_png(root: &Path) -> Result<(), Failure> {
     passed(cargo(root, "test").args(figures).status().map_err(cannot_start_cargo)?)
 }
 
+/// Tests of full and read-only disks, which have to be mounted: plain `cargo test` leaves them out.
+pub fn test_disks(root: &Path) -> Result<(), Failure> {
+    let disks = ["--release", "--package", "canter", "--test", "reliability", "disk::", "--", "--ignored"];
+    passed(cargo(root, "test").args(disks).status().map_err(cannot_start_cargo)?)
+}
+
+/// The tests of `docs/reliability.md` at full length, one after the other: a leak is seen only where nothing else runs.
+pub fn test_reliability(root: &Path) -> Result<(), Failure> {
+    const FULL: [(&str, &str); 4] = [
+        ("CANTER_KILLED_RUNS", "200"),
+        ("CANTER_SOAK_S", "1800"),
+        ("CANTER_FUZZ_INPUTS", "1000000"),
+        ("CANTER_MUTATED_MODELS", "10000"),
+    ];
+    const TESTS: [(&str, &str); 4] =
+        [("canter", "reliability"), ("canter", "robot_files"), ("canter-train", "fuzz"), ("canter-report", "fuzz")];
+    for (package, test) in TESTS {
+        let mut cargo = cargo(root, "test");
+        cargo.args(["--release", "--package", package, "--test", test, "--"]);
+        cargo.args(["--include-ignored", "--nocapture", "--test-threads=1"]).envs(FULL);
+        passed(cargo.status().map_err(cannot_start_cargo)?)?;
+    }
+    Ok(())
+}
+
 /// Builds `no-std-proof`, which cannot be built when `gait` brings in `std` or `alloc`.
 pub fn no_std(root: &Path) -> Result<(), Failure> {
     let package = root.join("xtask").join("no-std-proof");

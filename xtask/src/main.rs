@@ -24,7 +24,9 @@ Tasks:
   canter ARGS...       build the program `canter` and run it with ARGS; `cargo canter ARGS...` is the same
   setup                fetch the physics engine MuJoCo into .mujoco/ (26 MB, once); canter and test do it when needed
   test [--full]        run every test and documentation example; --full adds those that need Python packages or
-                       Debian's (OpenGL, ffmpeg, a font, Chromium), and installs them; --only-full runs these alone
+                       Debian's (OpenGL, ffmpeg, a font, Chromium), and installs them, and mounts a full disk; --only-full runs these alone
+  reliability          the whole of what docs/reliability.md promises: 200 killed runs, a million inputs for each parser,
+                       10,000 mutated models, half an hour of faults; some two hours, as root
   layering             check which crate uses which, which may print, and that gait uses no std
   equations [--check]  write docs/equations.md from the doc comments; --check fails when the file is out of date
   no-std               prove by a build that gait needs no standard library
@@ -85,11 +87,17 @@ fn run(task: Option<OsString>, arguments: &[OsString]) -> Result<(), Failure> {
             if full || only_full {
                 debian::ensure(&[&debian::FILMS[..], &debian::FONTS].concat())?;
                 builds::test_films(&root)?;
+                builds::test_disks(&root)?;
                 builds::test_png(&root)?;
                 full::tensorboard(&root)?;
                 browser::test(&root)?;
             }
             Ok(())
+        }
+        "reliability" => {
+            flags(&task, arguments, &[])?;
+            mujoco::ensure(&root)?;
+            builds::test_reliability(&root)
         }
         "layering" => {
             flags(&task, arguments, &[])?;

@@ -5,6 +5,8 @@ use std::path::PathBuf;
 use canter_train::compare::protocol::Rung;
 use clap::{Args, Parser, Subcommand};
 
+use crate::output::LogFormat;
+
 /// Learns a faster version of a legged robot's own gait, in simulation.
 ///
 /// A first run: `canter train` trains Stanford Doggo's trot for a minute and says how much faster it became.
@@ -25,6 +27,8 @@ pub enum Command {
     Train(TrainArgs),
     /// Go on with a training that was stopped
     Resume(ResumeArgs),
+    /// Step through what led to physics that made no sense
+    Replay(ReplayArgs),
     /// Measure a trained policy, or a bare gait
     Eval(EvalArgs),
     /// Compare learned, tuned and default gaits at equal budgets over several seeds
@@ -70,6 +74,9 @@ pub struct TrainArgs {
     /// Override one value of the preset; may be given several times
     #[arg(long = "set", value_name = "KEY=VALUE", value_parser = key_value)]
     pub overrides: Vec<(String, String)>,
+    /// Form of what is printed; the files are the same
+    #[arg(long, value_name = "FORMAT", default_value = "text")]
+    pub log_format: LogFormat,
 }
 
 #[derive(Debug, Args)]
@@ -79,6 +86,25 @@ pub struct ResumeArgs {
     /// Worker threads; as many as there are cores if not given
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub threads: Option<u16>,
+    /// Form of what is printed; the files are the same
+    #[arg(long, value_name = "FORMAT", default_value = "text")]
+    pub log_format: LogFormat,
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "\
+A training writes such a file when MuJoCo meets numbers it cannot go on with, or when a robot moves
+faster or farther than any could. The episode ends there and counts as an accident called `unstable`.
+Usual reasons: gains too high or inertias too small for task.physics_dt_s, bodies that overlap.")]
+pub struct ReplayArgs {
+    /// The file, RUN/dumps/NAME.safetensors
+    pub dump: PathBuf,
+    /// Env steps to show, the last ones
+    #[arg(long, value_name = "N", default_value_t = 20)]
+    pub last: usize,
+    /// Print JSON instead of a table
+    #[arg(long)]
+    pub json: bool,
 }
 
 #[derive(Debug, Args)]
@@ -151,6 +177,9 @@ pub struct CompareArgs {
     /// Jobs side by side, each on one thread; as many as there are cores if not given
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub threads: Option<u16>,
+    /// Form of what is printed; the files are the same
+    #[arg(long, value_name = "FORMAT", default_value = "text")]
+    pub log_format: LogFormat,
 }
 
 #[derive(Debug, Args)]

@@ -19,6 +19,7 @@ fn main() -> ExitCode {
     let result = match Cli::parse().command {
         Command::Train(args) => commands::train::train(&args),
         Command::Resume(args) => commands::train::resume(&args),
+        Command::Replay(args) => commands::replay::replay(&args),
         Command::Eval(args) => commands::eval::eval(&args),
         Command::Compare(args) => commands::compare::compare(&args),
         Command::Report(args) => commands::report::report(&args),
@@ -36,7 +37,7 @@ fn main() -> ExitCode {
     match result {
         Ok(code) => code,
         Err(error) => {
-            output::complain(&format!("error: {error}"));
+            output::complain(&format!("{}{error}", output::ERROR));
             ExitCode::from(error::FAILURE)
         }
     }

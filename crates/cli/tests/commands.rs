@@ -260,3 +260,42 @@ fn an_interrupted_training_is_saved_and_ends_like_an_undisturbed_one() {
         assert!(read("interrupted") == read("undisturbed"), "{name}");
     }
 }
+
+#[test]
+fn a_log_for_programs_is_json_line_by_line() {
+    let folder = TemporaryFolder::new();
+    let stdout = folder.canter(&train_args(&["--out", "run", "--log-format", "json"])).succeeded();
+    let events: Vec<Value> = stdout.lines().map(json).collect();
+    let kinds: Vec<&str> = events.iter().map(|event| event["event"].as_str().unwrap()).collect();
+    assert!(kinds.iter().all(|kind| ["message", "iteration", "verdict"].contains(kind)), "{kinds:?}");
+    let metrics = fs::read_to_string(folder.join("run/metrics.jsonl")).unwrap();
+    let iterations: Vec<&Value> = events.iter().filter_map(|event| event.get("iteration")).collect();
+    assert_eq!(iterations, metrics.lines().map(json).collect::<Vec<_>>().iter().collect::<Vec<_>>());
+    let verdict = events.iter().find_map(|event| event.get("verdict")).unwrap();
+    assert_eq!(*verdict, json(&fs::read_to_string(folder.join("run/eval.json")).unwrap()));
+
+    let complaint = folder.canter(&["resume", "nothing", "--log-format", "json"]).failed_with(1);
+    let complaint = json(&complaint);
+    assert_eq!(complaint["event"], "error");
+    assert_eq!(complaint["error"], "nothing: no run directory: it has no config.toml");
+}
+
+#[test]
+fn a_run_that_was_killed_before_it_saved_anything_begins_anew() {
+    let folder = TemporaryFolder::new();
+    folder.canter(&train_args(&["--out", "whole"])).succeeded();
+    // Killed before it had written its configuration: only the lock and half a file are there.
+    fs::create_dir(folder.join("begun")).unwrap();
+    fs::write(folder.join("begun/lock"), "").unwrap();
+    fs::write(folder.join("begun/config.toml.tmp"), "robot").unwrap();
+    folder.canter(&train_args(&["--out", "begun"])).succeeded();
+    // Killed before its first checkpoint.
+    fs::create_dir_all(folder.join("resumed/checkpoints")).unwrap();
+    fs::copy(folder.join("whole/config.toml"), folder.join("resumed/config.toml")).unwrap();
+    fs::write(folder.join("resumed/checkpoints/00000000.safetensors.tmp"), "half").unwrap();
+    folder.canter(&["resume", "resumed"]).succeeded();
+    for run in ["begun", "resumed"] {
+        let read = |run: &str| fs::read(folder.join(run).join("policy.safetensors")).unwrap();
+        assert!(read(run) == read("whole"), "{run}");
+    }
+}

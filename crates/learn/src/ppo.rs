@@ -48,7 +48,7 @@ pub struct UpdateContext<'a> {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
     "learning diverged in iteration {iteration}, epoch {epoch}, minibatch {minibatch}: the {quantity} is not a finite \
-     number; lower the learning rate, or check the rewards and observations for huge values"
+     number. Likely cause: {likely_cause}"
 )]
 pub struct Divergence {
     /// The iteration.
@@ -59,6 +59,8 @@ pub struct Divergence {
     pub minibatch: usize,
     /// What was not finite.
     pub quantity: DivergedQuantity,
+    /// What the rollout says of the reason.
+    pub likely_cause: LikelyCause,
 }
 
 /// What a [`Divergence`] was noticed by.
@@ -78,6 +80,39 @@ impl std::fmt::Display for DivergedQuantity {
             Self::Loss => "loss",
             Self::Gradient => "gradient",
             Self::Parameter => "parameter vector",
+        })
+    }
+}
+
+/// Why learning has probably diverged.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LikelyCause {
+    /// A reward, a return or an observation is not finite, or far from 1.
+    HugeNumbers,
+    /// The rollout is in order: the steps were too large.
+    LearningRate,
+}
+
+impl LikelyCause {
+    /// Numbers that learning is made for are around 1; those of a rollout beyond this are a likely cause [-].
+    const HUGE: f32 = 1e6;
+
+    fn of(rollout: &Rollout) -> Self {
+        let is_small = |value: &f32| value.abs() < Self::HUGE;
+        let [observations, rewards, returns] = [&rollout.observations, &rollout.rewards, &rollout.returns];
+        let is_in_order = [observations, rewards, returns].into_iter().flatten().all(is_small);
+        if is_in_order { Self::LearningRate } else { Self::HugeNumbers }
+    }
+}
+
+impl std::fmt::Display for LikelyCause {
+    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        formatter.write_str(match self {
+            Self::HugeNumbers => {
+                "rewards or observations are huge; lower the weights in `[reward]`, and look for accidents called \
+                 `unstable`"
+            }
+            Self::LearningRate => "too large a step; lower `ppo.learning_rate` or `ppo.max_gradient_norm`",
         })
     }
 }
@@ -175,7 +210,13 @@ fn run_epochs(
     for epoch in 0..settings.num_epochs {
         shuffle(&mut workspace.order, &mut stream(context.seed, Purpose::Shuffle, epoch as u64, context.iteration));
         for minibatch in 0..num_minibatches {
-            let diverged = |quantity| Divergence { iteration: context.iteration, epoch, minibatch, quantity };
+            let diverged = |quantity| Divergence {
+                iteration: context.iteration,
+                epoch,
+                minibatch,
+                quantity,
+                likely_cause: LikelyCause::of(rollout),
+            };
             let sums = minibatch_gradient(
                 parameters,
                 rollout,

@@ -5,7 +5,7 @@ mod common;
 use canter_learn::gaussian::DiagonalGaussian;
 use canter_learn::loss::{LossWorkspace, Samples, loss_and_gradient, ratio};
 use canter_learn::network::Activations;
-use canter_learn::ppo::DivergedQuantity;
+use canter_learn::ppo::{DivergedQuantity, LikelyCause};
 use canter_learn::{
     ActorCritic, Environment, Executor, Normaliser, Objective, PpoSettings, PpoWorkspace, Serial, StepOutcome,
 };
@@ -120,6 +120,7 @@ fn divergence_is_reported_and_leaves_parameters_and_optimiser_untouched() {
         let divergence = training.update(&Serial).unwrap_err();
         assert_eq!((divergence.iteration, divergence.epoch, divergence.quantity), (1, 0, DivergedQuantity::Loss));
         assert!(divergence.to_string().contains("iteration 1, epoch 0"), "{divergence}");
+        assert_eq!(divergence.likely_cause, LikelyCause::HugeNumbers);
         assert_eq!((bits(&training.parameters), &training.adam), (parameters.clone(), &adam));
         minibatches.push(divergence.minibatch);
         training.rollout.returns[sample] = sound;
@@ -133,6 +134,8 @@ fn divergence_is_reported_and_leaves_parameters_and_optimiser_untouched() {
     assert_eq!((bits(&training.parameters), &training.adam), (parameters.clone(), &adam));
 
     training.rollout.returns[0] = sound;
+    training.settings.value_coefficient = 1e300;
+    assert_eq!(training.update(&Serial).unwrap_err().likely_cause, LikelyCause::LearningRate);
     training.settings.value_coefficient = 1.0;
     training.update(&Serial).unwrap();
     assert_ne!(bits(&training.parameters), parameters);

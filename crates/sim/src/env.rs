@@ -344,6 +344,18 @@ impl Env {
         std::array::from_fn(|axis| self.simulation.qpos()[root + axis])
     }
 
+    /// Velocity of the body in the ground's frame: forward, left, up [m/s].
+    pub fn velocity_in_ground(&self) -> [f64; 3] {
+        let (_, root) = self.task.robot.root;
+        // MuJoCo gives a free joint's velocity in the world.
+        std::array::from_fn(|axis| self.simulation.qvel()[root + axis])
+    }
+
+    /// Angle between the body's up axis and the ground's [rad].
+    pub fn tilt_rad(&self) -> f64 {
+        self.ground_from_body()[2][2].clamp(-1.0, 1.0).acos()
+    }
+
     /// Rotation from the body's frame to the ground's. Gravity is tilted instead of the ground, so MuJoCo's world is the ground's frame.
     fn ground_from_body(&self) -> Matrix3 {
         let (root, _) = self.task.robot.root;

@@ -110,6 +110,13 @@ impl Model {
         (self.0.jnt_qposadr()[joint] as usize, self.0.jnt_dofadr()[joint] as usize)
     }
 
+    /// Name of the joint that a place in `qvel` belongs to, or its number if it has none.
+    pub fn joint_of_velocity(&self, place: usize) -> String {
+        let joint = self.0.dof_jntid()[place] as usize;
+        let name = self.0.id_to_name(MjtObjBase::mjOBJ_JOINT, joint);
+        name.map_or_else(|| format!("joint {joint}"), str::to_owned)
+    }
+
     /// The body's first joint, if it is free: the body floats.
     pub fn free_joint(&self, body: usize) -> Option<usize> {
         let joint = usize::try_from(self.0.body_jntadr()[body]).ok()?;

@@ -8,7 +8,7 @@ use crate::tensors::{TensorError, TensorFile};
 use crate::trainer::{Progress, Trainer};
 
 /// Version of the format; readers refuse others.
-const FORMAT_VERSION: u32 = 1;
+const FORMAT_VERSION: u32 = 2;
 
 /// What is not an array.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -17,6 +17,7 @@ struct Card {
     iterations: u64,
     env_steps: u64,
     episodes: u64,
+    divergences: u64,
     gradient_steps: u64,
     learning_rate: f64,
     observations: u64,
@@ -56,6 +57,7 @@ impl Checkpoint {
             iterations: trainer.progress.iterations,
             env_steps: trainer.progress.env_steps,
             episodes: trainer.progress.episodes,
+            divergences: trainer.progress.divergences,
             gradient_steps: trainer.adam.num_gradient_steps,
             learning_rate: trainer.adam.learning_rate,
             observations: trainer.moments.count,
@@ -141,8 +143,12 @@ impl Checkpoint {
             let ongoing = OngoingEpisode { observation, episode_return, episode_length: episode_length as u64 };
             *collector = CollectorState::resume(ongoing);
         }
-        trainer.progress =
-            Progress { iterations: self.card.iterations, env_steps: self.card.env_steps, episodes: self.card.episodes };
+        trainer.progress = Progress {
+            iterations: self.card.iterations,
+            env_steps: self.card.env_steps,
+            episodes: self.card.episodes,
+            divergences: self.card.divergences,
+        };
         Ok(())
     }
 }

@@ -8,6 +8,8 @@ use canter_sim::{Accident, Env, Task};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::Rng;
 
+use crate::blow_up::{BlowUp, Recorder};
+
 /// A number in [0, 1) with 53 random bits.
 pub fn uniform(rng: &mut ChaCha8Rng) -> f64 {
     const UNIT: f64 = 1.0 / (1_u64 << 53) as f64;
@@ -40,6 +42,9 @@ pub struct TrainingEnvironment {
     action: Vec<f32>,
     /// What happened since this was last taken.
     pub travel: Travel,
+    recorder: Recorder,
+    /// The first blow-up since this was last taken.
+    pub blow_up: Option<BlowUp>,
 }
 
 impl TrainingEnvironment {
@@ -47,8 +52,17 @@ impl TrainingEnvironment {
     pub fn new(task: Arc<Task>, seed: u64, index: u64, num_environments: u64) -> Self {
         let place = (index, num_environments);
         let action = vec![0.0; task.num_actions()];
-        let (next_episode, travel) = (0, Travel::default());
-        Self { env: Env::new(task), seed, place, next_episode, is_reflected: false, action, travel }
+        Self {
+            env: Env::new(task),
+            seed,
+            place,
+            next_episode: 0,
+            is_reflected: false,
+            action,
+            travel: Travel::default(),
+            recorder: Recorder::default(),
+            blow_up: None,
+        }
     }
 
     /// Everything that the next step depends on.
@@ -66,6 +80,7 @@ impl TrainingEnvironment {
         let (next_episode, rest) = state.split_first().ok_or("an environment's state is empty")?;
         self.next_episode = *next_episode as u64;
         self.env.set_state(rest, observation)?;
+        self.recorder.begin(&self.env);
         self.reflect(observation);
         Ok(())
     }
@@ -102,6 +117,7 @@ impl Environment for TrainingEnvironment {
             self.env.vary((index as f64 + uniform(&mut rng)) / num_environments as f64);
         }
         self.env.reset(&mut || uniform(&mut rng), observation);
+        self.recorder.begin(&self.env);
         self.reflect(observation);
     }
 
@@ -111,9 +127,12 @@ impl Environment for TrainingEnvironment {
         if let Some(mirror) = self.env.task().mirror().filter(|_| self.is_reflected) {
             mirror.reflect_action(&mut self.action);
         }
+        self.recorder.record(&self.env, &self.action);
         let outcome = self.env.step(&self.action, observation);
         self.reflect(observation);
-        if outcome.terminated != Some(Accident::Unstable) {
+        if outcome.terminated == Some(Accident::Unstable) {
+            self.blow_up.get_or_insert_with(|| self.recorder.blow_up(&self.env, self.place.0));
+        } else {
             self.travel.forward_m += self.env.position_in_ground()[0] - before;
             self.travel.work_j += outcome.work_j;
         }

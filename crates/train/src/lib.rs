@@ -2,10 +2,12 @@
 //!
 //! The way of the data: [`config`] resolves a preset into a robot and a task; [`trainer`] owns the environments and the
 //! networks and does one iteration at a time, on the threads of [`executor`]; [`run`] is the loop around it and writes
-//! [`run_directory`]'s files, among them [`checkpoint`]s, the [`policy_file`] and [`tensorboard`]'s curves; [`evaluate`]
+//! [`run_directory`]'s files, among them [`checkpoint`]s, the [`policy_file`], [`tensorboard`]'s curves and, should the
+//! physics make no sense, what a [`blow_up`] left; [`evaluate`]
 //! measures what was learned, its [`footfall`]s among it, [`trajectory`] records it step by step, and [`film`] shows it. [`search`] tunes a
 //! gait without learning, [`compare`] sets all that side by side.
 
+pub mod blow_up;
 pub mod checkpoint;
 pub mod compare;
 

@@ -1,12 +1,14 @@
 //! The training loop.
 
+use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 
+use canter_learn::metrics::UpdateMetrics;
 use canter_learn::ppo::Divergence;
 use canter_sim::Accident;
 use serde_json::{Value, json};
 
-use crate::checkpoint::Checkpoint;
+use crate::checkpoint::{Checkpoint, CheckpointError};
 use crate::executor::Workers;
 use crate::policy_file::PolicyFile;
 use crate::run_directory::{RunDirectory, RunError};
@@ -27,25 +29,56 @@ pub enum TrainError {
     /// A file could not be written.
     #[error(transparent)]
     Run(#[from] RunError),
-    /// The numbers went out of bounds.
-    #[error(transparent)]
+    /// Its checkpoint cannot be used.
+    #[error("this checkpoint cannot be used: {0}")]
+    Checkpoint(#[from] CheckpointError),
+    /// The numbers went out of bounds too often.
+    #[error("{0}. It was undone and tried again with smaller steps before; what was saved until then is good")]
     Diverged(#[from] Divergence),
+}
+
+/// What an iteration of a training brought, and where its blow-ups were dumped.
+#[derive(Debug)]
+pub struct Observed<'a> {
+    /// The iteration.
+    pub report: &'a IterationReport,
+    /// Files that `canter replay` reads.
+    pub dumps: Vec<PathBuf>,
+}
+
+/// Puts a new training where the newest good checkpoint of its run has it; at its start, if nothing was saved yet.
+///
+/// Returns which damaged checkpoints were skipped, and why.
+///
+/// # Errors
+/// All checkpoints are damaged, or are of another configuration or robot.
+pub fn pick_up(trainer: &mut Trainer, directory: &RunDirectory) -> Result<Vec<String>, TrainError> {
+    if !directory.has_progress() {
+        return Ok(Vec::new());
+    }
+    let (checkpoint, skipped) = directory.newest_checkpoint()?;
+    checkpoint.restore(trainer)?;
+    directory.truncate_metrics(checkpoint.iterations())?;
+    Ok(skipped)
 }
 
 /// Trains until the end, or until `stop`; saves at intervals and at either end. `observe` sees every iteration.
 ///
 /// # Errors
-/// A file that cannot be written, or a diverged update; what was saved before stays good.
+/// No room for what it will write, a file that cannot be written, or too many diverged updates; what was saved before
+/// stays good.
 pub fn train(
     trainer: &mut Trainer,
     directory: &RunDirectory,
     workers: &Workers,
     stop: &AtomicBool,
-    observe: &mut dyn FnMut(&IterationReport),
+    observe: &mut dyn FnMut(Observed<'_>),
 ) -> Result<Ending, TrainError> {
+    let checkpoint = Checkpoint::of(trainer);
+    directory.check_room(&checkpoint)?;
     if trainer.progress().iterations == 0 {
         // So that a run which is killed early can go on.
-        directory.write_checkpoint(&Checkpoint::of(trainer))?;
+        directory.write_checkpoint(&checkpoint)?;
     }
     let interval = trainer.resolved().config.training.checkpoint_env_steps;
     let mut events = directory.open_events()?;
@@ -55,7 +88,8 @@ pub fn train(
         let metrics = metrics(&report);
         directory.append_metrics(&metrics)?;
         events.append(&metrics)?;
-        observe(&report);
+        let dumps: Result<Vec<_>, _> = report.blow_ups.iter().map(|blow_up| directory.write_blow_up(blow_up)).collect();
+        observe(Observed { report: &report, dumps: dumps?.into_iter().flatten().collect() });
         let is_stopped = stop.load(Ordering::Relaxed) && !trainer.is_finished();
         if is_stopped || report.progress.env_steps >= next_checkpoint {
             directory.write_checkpoint(&Checkpoint::of(trainer))?;
@@ -71,7 +105,7 @@ pub fn train(
 }
 
 /// The line of `metrics.jsonl` for an iteration; `docs/metrics.md` defines its numbers.
-fn metrics(report: &IterationReport) -> Value {
+pub fn metrics(report: &IterationReport) -> Value {
     let num_episodes = report.episodes.len();
     // A mean over no episodes is null, not zero.
     let mean = |total: f64| (num_episodes > 0).then(|| total / num_episodes as f64);
@@ -80,6 +114,8 @@ fn metrics(report: &IterationReport) -> Value {
         .zip(report.accidents)
         .map(|(accident, count)| (accident.name().to_owned(), json!(count)))
         .collect();
+    // An update that diverged was undone: it has no numbers.
+    let update = |number: fn(&UpdateMetrics) -> f64| report.update.as_ref().ok().map(number);
     json!({
         "iteration": report.progress.iterations,
         "env_steps": report.progress.env_steps,
@@ -90,14 +126,15 @@ fn metrics(report: &IterationReport) -> Value {
         "speed_m_per_s": report.speed_m_per_s,
         "power_w": report.power_w,
         "mean_std": report.mean_std,
-        "policy_loss": report.update.policy_loss,
-        "value_loss": report.update.value_loss,
-        "entropy": report.update.entropy,
-        "approx_kl": report.update.approx_kl,
-        "clip_fraction": report.update.clip_fraction,
-        "explained_variance": report.update.explained_variance,
-        "gradient_norm": report.update.gradient_norm,
-        "learning_rate": report.update.learning_rate,
+        "policy_loss": update(|update| update.policy_loss),
+        "value_loss": update(|update| update.value_loss),
+        "entropy": update(|update| update.entropy),
+        "approx_kl": update(|update| update.approx_kl),
+        "clip_fraction": update(|update| update.clip_fraction),
+        "explained_variance": report.update.as_ref().ok().and_then(|update| update.explained_variance),
+        "gradient_norm": update(|update| update.gradient_norm),
+        "divergences": report.progress.divergences,
+        "learning_rate": update(|update| update.learning_rate),
         "collect_s": report.collect_s,
         "update_s": report.update_s,
     })

@@ -6,7 +6,8 @@ use std::path::{Path, PathBuf};
 
 use canter_sim::settings::{Document, write_commented};
 
-use crate::checkpoint::{Checkpoint, CheckpointError};
+use crate::blow_up::{BlowUp, DumpError};
+use crate::checkpoint::Checkpoint;
 use crate::config::{ConfigError, Resolved, RunConfig, resolve};
 use crate::policy_file::{PolicyError, PolicyFile};
 use crate::tensorboard::EventFile;
@@ -15,8 +16,17 @@ use crate::trajectory::Trajectory;
 /// Endings of files that a writer has not finished.
 const TEMPORARY_ENDING: &str = "tmp";
 
+/// The file that a writer holds locked.
+const LOCK_NAME: &str = "lock";
+
 /// Checkpoints that are kept; older ones are removed.
 const KEPT_CHECKPOINTS: usize = 3;
+
+/// Dumps of blow-ups that are kept: the first ones tell as much as all.
+const MAX_DUMPS: usize = 20;
+
+/// Room for everything but checkpoints that a training is not begun without [bytes]: a policy, trajectories and a report.
+const ROOM_FOR_RESULTS: u64 = 8 << 20;
 
 /// Why a run directory cannot be used.
 #[derive(Debug, thiserror::Error)]
@@ -28,6 +38,23 @@ pub enum RunError {
         path: PathBuf,
         /// Why.
         source: io::Error,
+    },
+    /// The disk is full.
+    #[error("{}: no room left on the disk; make some and go on with `canter resume RUN`, nothing that was saved is lost", .0.display())]
+    Full(PathBuf),
+    /// The disk would be full before the training ends.
+    #[error(
+        "{}: {} MB are free here, a training needs {} MB for its checkpoints and results: make room or choose another \
+         folder with --out",
+        .path.display(), .free >> 20, (.needed >> 20) + 1
+    )]
+    NoRoom {
+        /// The run's folder.
+        path: PathBuf,
+        /// What is free [bytes].
+        free: u64,
+        /// What is needed [bytes].
+        needed: u64,
     },
     /// Something else is there already.
     #[error("{}: this folder is not empty; choose another with --out, or go on with `canter resume {}`", .0.display(), .0.display())]
@@ -57,6 +84,14 @@ pub enum RunError {
         /// Why.
         source: PolicyError,
     },
+    /// The dump of a blow-up cannot be used.
+    #[error("{}: this dump cannot be used: {source}", .path.display())]
+    Dump {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: DumpError,
+    },
     /// No checkpoint can be used.
     #[error("{}: no checkpoint to go on from: {reason}", .path.display())]
     NoCheckpoint {
@@ -78,7 +113,7 @@ pub struct RunDirectory {
 impl RunDirectory {
     /// Makes the folder of a new run and writes its resolved configuration.
     ///
-    /// Without `path` the folder is `runs/<preset>-<seed>-<n>` in the working directory, with the first free n.
+    /// A folder in which a process was killed before it had written that is as good as empty. Without `path` the folder is `runs/<preset>-<seed>-<n>` in the working directory, with the first free n.
     ///
     /// # Errors
     /// A folder that is not empty, or cannot be written.
@@ -86,15 +121,14 @@ impl RunDirectory {
         let path = match path {
             Some(path) => {
                 fs::create_dir_all(path).map_err(|source| io_error(path, source))?;
-                let mut entries = path.read_dir().map_err(|source| io_error(path, source))?;
-                if entries.next().is_some() {
-                    return Err(RunError::NotEmpty(path.to_owned()));
-                }
+                check_empty(path)?;
                 path.to_owned()
             }
             None => create_numbered(Path::new("runs"), &format!("{preset}-{}", config.seed))?,
         };
         let directory = Self::lock(&path)?;
+        // Another process may have been here since.
+        check_empty(&path)?;
         write_whole(&directory.config_path(), write_commented(config).as_bytes())?;
         Ok(directory)
     }
@@ -108,9 +142,10 @@ impl RunDirectory {
             return Err(RunError::NotARun { path: path.to_owned(), missing: "config.toml" });
         }
         let directory = Self::lock(path)?;
-        for folder in [path.to_owned(), directory.checkpoint_folder(), trajectory_folder(path)] {
+        for folder in [path.to_owned(), directory.checkpoint_folder(), directory.dump_folder(), trajectory_folder(path)]
+        {
             for entry in folder.read_dir().into_iter().flatten().flatten() {
-                if entry.path().extension().is_some_and(|ending| ending == TEMPORARY_ENDING) {
+                if is_temporary(&entry.path()) {
                     // Left by a process that was killed while it wrote.
                     let _ = fs::remove_file(entry.path());
                 }
@@ -134,6 +169,10 @@ impl RunDirectory {
 
     fn checkpoint_folder(&self) -> PathBuf {
         self.path.join("checkpoints")
+    }
+
+    fn dump_folder(&self) -> PathBuf {
+        self.path.join("dumps")
     }
 
     fn metrics_path(&self) -> PathBuf {
@@ -164,6 +203,33 @@ impl RunDirectory {
         write_whole(&policy_path(&self.path), &policy.to_bytes())
     }
 
+    /// Checks that there is room for a training whose checkpoints are like this one.
+    ///
+    /// # Errors
+    /// There is not, or the system does not tell.
+    pub fn check_room(&self, checkpoint: &Checkpoint) -> Result<(), RunError> {
+        // One more than are kept: an old one is removed after a new one is whole.
+        let needed = (KEPT_CHECKPOINTS as u64 + 1) * checkpoint.to_bytes().len() as u64 + ROOM_FOR_RESULTS;
+        let system = rustix::fs::statvfs(&self.path).map_err(|error| io_error(&self.path, error.into()))?;
+        let free = system.f_bavail * system.f_frsize;
+        if free < needed { Err(RunError::NoRoom { path: self.path.clone(), free, needed }) } else { Ok(()) }
+    }
+
+    /// Writes what led to a blow-up and returns where; nothing if there are enough of them.
+    ///
+    /// # Errors
+    /// The system's.
+    pub fn write_blow_up(&self, blow_up: &BlowUp) -> Result<Option<PathBuf>, RunError> {
+        let folder = self.dump_folder();
+        fs::create_dir_all(&folder).map_err(|source| io_error(&folder, source))?;
+        if folder.read_dir().map_err(|source| io_error(&folder, source))?.count() >= MAX_DUMPS {
+            return Ok(None);
+        }
+        let path = folder.join(format!("{:08}-{}.safetensors", blow_up.iteration, blow_up.environment));
+        write_whole(&path, &blow_up.to_bytes())?;
+        Ok(Some(path))
+    }
+
     /// Writes a checkpoint and removes the oldest ones.
     ///
     /// # Errors
@@ -190,6 +256,11 @@ impl RunDirectory {
         Ok(paths)
     }
 
+    /// Whether anything was saved yet: a process may have been killed before its first checkpoint.
+    pub fn has_progress(&self) -> bool {
+        self.metrics_path().exists() || self.checkpoints().is_ok_and(|checkpoints| !checkpoints.is_empty())
+    }
+
     /// The newest checkpoint that can be read, and the newer ones that cannot, with the reason.
     ///
     /// # Errors
@@ -198,11 +269,12 @@ impl RunDirectory {
         let mut skipped = Vec::new();
         let paths = self.checkpoints().unwrap_or_default();
         for path in paths.iter().rev() {
-            let checkpoint =
-                fs::read(path).map_err(CheckpointError::from).and_then(|bytes| Checkpoint::from_bytes(&bytes));
-            match checkpoint {
-                Ok(checkpoint) => return Ok((checkpoint, skipped)),
-                Err(error) => skipped.push(format!("{}: {error}", path.display())),
+            match read_limited(path) {
+                Ok(bytes) => match Checkpoint::from_bytes(&bytes) {
+                    Ok(checkpoint) => return Ok((checkpoint, skipped)),
+                    Err(error) => skipped.push(format!("{}: {error}", path.display())),
+                },
+                Err(error) => skipped.push(error.to_string()),
             }
         }
         let reason = if skipped.is_empty() { "there is none".to_owned() } else { skipped.join("; ") };
@@ -282,7 +354,7 @@ pub fn read_policy(run: &Path) -> Result<PolicyFile, RunError> {
     if !path.is_file() {
         return Err(RunError::NoPolicy(run.to_owned()));
     }
-    let bytes = fs::read(&path).map_err(|source| io_error(&path, source))?;
+    let bytes = read_limited(&path)?;
     PolicyFile::from_bytes(&bytes).map_err(|source| RunError::Policy { path, source })
 }
 
@@ -301,6 +373,52 @@ pub fn write_trajectory(folder: &Path, trajectory: &Trajectory) -> Result<(), Ru
     write_whole(&folder.join(format!("{}.json", trajectory.name)), format!("{json}\n").as_bytes())
 }
 
+/// What led to a blow-up, and the run that it belongs to.
+///
+/// # Errors
+/// No dump of a run there, or one that cannot be used.
+pub fn read_blow_up(path: &Path) -> Result<(BlowUp, Resolved), RunError> {
+    let bytes = read_limited(path)?;
+    let blow_up = BlowUp::from_bytes(&bytes).map_err(|source| RunError::Dump { path: path.to_owned(), source })?;
+    // RUN/dumps/NAME
+    let full = path.canonicalize().map_err(|source| io_error(path, source))?;
+    let run = full.ancestors().nth(2).unwrap_or(Path::new("."));
+    Ok((blow_up, read_config(run)?))
+}
+
+/// The bytes of a file that one of ours would be, and not more than one of ours can have.
+fn read_limited(path: &Path) -> Result<Vec<u8>, RunError> {
+    /// A checkpoint of the largest networks and 4096 environments has some 200 MB; nobody waits for more.
+    const MAX_BYTES: u64 = 1 << 30;
+    let read = || {
+        // Opening a pipe would wait for its other end.
+        let metadata = fs::metadata(path)?;
+        if !metadata.is_file() {
+            return Err(io::Error::new(io::ErrorKind::InvalidInput, "this is no file"));
+        }
+        if metadata.len() > MAX_BYTES {
+            return Err(io::Error::new(io::ErrorKind::FileTooLarge, format!("it has more than {MAX_BYTES} bytes")));
+        }
+        fs::read(path)
+    };
+    read().map_err(|source| io_error(path, source))
+}
+
+/// Refuses a folder with anything in it but what a process that was killed at its start has left.
+fn check_empty(path: &Path) -> Result<(), RunError> {
+    let entries = path.read_dir().map_err(|source| io_error(path, source))?;
+    let is_left_over = |path: &Path| path.file_name().is_some_and(|name| name == LOCK_NAME) || is_temporary(path);
+    if entries.flatten().all(|entry| is_left_over(&entry.path())) {
+        Ok(())
+    } else {
+        Err(RunError::NotEmpty(path.to_owned()))
+    }
+}
+
+fn is_temporary(path: &Path) -> bool {
+    path.extension().is_some_and(|ending| ending == TEMPORARY_ENDING)
+}
+
 fn trajectory_folder(run: &Path) -> PathBuf {
     run.join("trajectories")
 }
@@ -311,7 +429,7 @@ fn config_path(run: &Path) -> PathBuf {
 
 /// Holds a folder for this process, until the file is dropped.
 pub(crate) fn lock_folder(path: &Path) -> Result<File, RunError> {
-    let lock_path = path.join("lock");
+    let lock_path = path.join(LOCK_NAME);
     let options = OpenOptions::new().create(true).append(true).open(&lock_path);
     let lock = options.map_err(|source| io_error(&lock_path, source))?;
     match lock.try_lock() {
@@ -393,5 +511,6 @@ impl Drop for UnfinishedFile {
 }
 
 pub(crate) fn io_error(path: &Path, source: io::Error) -> RunError {
-    RunError::Io { path: path.to_owned(), source }
+    let path = path.to_owned();
+    if source.kind() == io::ErrorKind::StorageFull { RunError::Full(path) } else { RunError::Io { path, source } }
 }

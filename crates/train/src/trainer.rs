@@ -17,9 +17,16 @@ use canter_sim::Accident;
 use canter_sim::forward::{Forward, fastest_forward};
 use rayon::prelude::*;
 
+use crate::blow_up::BlowUp;
 use crate::config::Resolved;
 use crate::environment::TrainingEnvironment;
 use crate::executor::Workers;
+
+/// Updates of a training that may diverge and be undone; the next one ends it.
+const MAX_DIVERGENCES: u64 = 5;
+
+/// What a divergence does to the learning rate, from then on.
+const LEARNING_RATE_FACTOR: f64 = 0.5;
 
 /// How far a training has come.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -30,6 +37,8 @@ pub struct Progress {
     pub env_steps: u64,
     /// Episodes finished.
     pub episodes: u64,
+    /// Updates that diverged and were undone.
+    pub divergences: u64,
 }
 
 /// What one iteration brought; `docs/metrics.md` defines every number.
@@ -47,8 +56,10 @@ pub struct IterationReport {
     pub power_w: f64,
     /// Mean standard deviation of the exploration noise.
     pub mean_std: f64,
-    /// Losses and the like.
-    pub update: UpdateMetrics,
+    /// Losses and the like; an update that diverged was undone, and the training goes on at half the learning rate.
+    pub update: Result<UpdateMetrics, Divergence>,
+    /// Episodes that ended in physics that made no sense, at most one of each environment.
+    pub blow_ups: Vec<BlowUp>,
     /// Wall time of collecting [s].
     pub collect_s: f64,
     /// Wall time of advantages and update [s].
@@ -141,13 +152,21 @@ impl Trainer {
     /// One iteration.
     ///
     /// # Errors
-    /// [`Divergence`] if the update met a number that is not finite; parameters and optimiser are then as before it.
+    /// [`Divergence`] if one update too many met a number that is not finite.
     pub fn iterate(&mut self, workers: &Workers) -> Result<IterationReport, Divergence> {
         let start = Instant::now();
         self.collect(workers);
         let collected = Instant::now();
         // On a thread of the pool: from outside, every minibatch would wake the pool and be woken by it.
-        let update = workers.install(|| self.update(workers))?;
+        let update = workers.install(|| self.update(workers));
+        if let Err(divergence) = update {
+            self.progress.divergences += 1;
+            if self.progress.divergences > MAX_DIVERGENCES {
+                return Err(divergence);
+            }
+            // Where it follows target_kl; elsewhere `set_learning_rate` takes care.
+            self.adam.learning_rate *= LEARNING_RATE_FACTOR;
+        }
         let updated = Instant::now();
         Ok(self.report(update, (collected - start).as_secs_f64(), (updated - collected).as_secs_f64()))
     }
@@ -156,7 +175,7 @@ impl Trainer {
     fn update(&mut self, workers: &Workers) -> Result<UpdateMetrics, Divergence> {
         compute_values(&mut self.rollout, &self.model, &self.parameters, workers);
         estimate_advantages(&mut self.rollout, self.settings.gamma, self.settings.gae_lambda);
-        self.anneal_learning_rate();
+        self.set_learning_rate();
         let context = UpdateContext {
             model: &self.model,
             settings: &self.settings,
@@ -167,12 +186,15 @@ impl Trainer {
         update(&mut self.parameters, &mut self.adam, &self.rollout, &context, &mut self.workspace)
     }
 
-    /// Sets the learning rate of this iteration, if it is to fall.
-    fn anneal_learning_rate(&mut self) {
+    /// Sets the learning rate of this iteration, unless it follows the policy's divergence.
+    fn set_learning_rate(&mut self) {
         let config = &self.resolved.config;
-        if let Some(last) = config.ppo.final_learning_rate {
+        if config.ppo.target_kl.is_none() {
+            let first = config.ppo.learning_rate;
+            let last = config.ppo.final_learning_rate.unwrap_or(first);
             let share = self.progress.env_steps as f64 / config.training.max_env_steps as f64;
-            self.adam.learning_rate = annealed_learning_rate(config.ppo.learning_rate, last, share);
+            let lowered = LEARNING_RATE_FACTOR.powi(self.progress.divergences as i32);
+            self.adam.learning_rate = lowered * annealed_learning_rate(first, last, share);
         }
     }
 
@@ -204,14 +226,19 @@ impl Trainer {
     }
 
     /// Moves the counters on, merges the observations' statistics in the order of the environments, and reports.
-    fn report(&mut self, update: UpdateMetrics, collect_s: f64, update_s: f64) -> IterationReport {
+    fn report(&mut self, update: Result<UpdateMetrics, Divergence>, collect_s: f64, update_s: f64) -> IterationReport {
         let mut episodes = Vec::new();
         for collector in &self.collectors {
             self.moments.merge(&collector.moments);
             episodes.extend_from_slice(&collector.finished_episodes);
         }
         let (mut forward_m, mut work_j, mut accidents) = (0.0, 0.0, [0; Accident::ALL.len()]);
+        let mut blow_ups = Vec::new();
         for environment in &mut self.environments {
+            if let Some(mut blow_up) = environment.blow_up.take() {
+                blow_up.iteration = self.progress.iterations + 1;
+                blow_ups.push(blow_up);
+            }
             let travel = std::mem::take(&mut environment.travel);
             forward_m += travel.forward_m;
             work_j += travel.work_j;
@@ -233,6 +260,7 @@ impl Trainer {
             power_w: work_j / time_s,
             mean_std: log_std.iter().map(|value| f64::from(value.exp())).sum::<f64>() / log_std.len() as f64,
             update,
+            blow_ups,
             collect_s,
             update_s,
         }

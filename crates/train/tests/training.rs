@@ -97,7 +97,7 @@ fn the_first_minibatch_has_ratio_one() {
         let workers = common::workers(2);
         let mut trainer = Trainer::new(resolved);
         for iteration in 0..4 {
-            let update = trainer.iterate(&workers).unwrap().update;
+            let update = trainer.iterate(&workers).unwrap().update.unwrap();
             assert_eq!(update.clip_fraction, 0.0, "{modulation}, iteration {iteration}: {update:?}");
             assert!(update.approx_kl.abs() < 1e-8, "{modulation}, iteration {iteration}: {update:?}");
             // The mean of standardised advantages times 1.
@@ -107,7 +107,7 @@ fn the_first_minibatch_has_ratio_one() {
 }
 
 fn assert_finite(report: &IterationReport, what: &str) {
-    let update = &report.update;
+    let update = report.update.as_ref().unwrap();
     let numbers = [
         report.speed_m_per_s,
         report.power_w,

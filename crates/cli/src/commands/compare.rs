@@ -11,7 +11,7 @@ use crate::commands::workers;
 use crate::comparison::describe;
 use crate::error::{CliError, STOPPED};
 use crate::interrupt::{Interrupt, STOPPING_TRAINING};
-use crate::output::{program, say};
+use crate::output::{event, program, say, set_log_format};
 use crate::progress::CompareLine;
 
 /// Budget and seeds of the full comparison.
@@ -22,6 +22,7 @@ const QUICK: (u64, u64) = (60_000, 2);
 
 /// `canter compare`.
 pub fn compare(args: &CompareArgs) -> Result<ExitCode, CliError> {
+    set_log_format(args.log_format);
     let settings = settings(args);
     let folder = CompareFolder::open(args.out.as_deref(), &settings)?;
     let num_threads = workers(args.threads)?.num_threads();
@@ -42,6 +43,7 @@ pub fn compare(args: &CompareArgs) -> Result<ExitCode, CliError> {
         say(&format!("Stopped, saved. Go on with:  {} compare{} --out {shown}", program(), options(args)));
         return Ok(ExitCode::from(STOPPED));
     };
+    event("comparison", || serde_json::to_value(&comparison).expect("a comparison has string keys only"));
     say(&format!("\n{}\n", describe(&comparison)));
     say(&format!("Numbers:  {shown}/compare.json; the rules: docs/protocol.md"));
     report_finished(folder.path());

@@ -4,6 +4,7 @@ pub mod compare;
 pub mod config;
 pub mod eval;
 pub mod film;
+pub mod replay;
 pub mod report;
 pub mod robots;
 pub mod train;

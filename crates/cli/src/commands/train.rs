@@ -9,7 +9,7 @@ use canter_train::config::{open_preset, resolve};
 use canter_train::evaluate::judge;
 use canter_train::executor::Workers;
 use canter_train::policy_file::PolicyFile;
-use canter_train::run::{self, Ending};
+use canter_train::run::{self, Ending, Observed, metrics};
 use canter_train::run_directory::{RunDirectory, policy_path, read_config};
 use canter_train::trainer::Trainer;
 use canter_train::trajectory::record_all;
@@ -20,12 +20,16 @@ use crate::commands::report::report_finished;
 use crate::commands::workers;
 use crate::error::{CliError, STOPPED};
 use crate::interrupt::{Interrupt, STOPPING_TRAINING};
-use crate::output::{complain, program, say};
+use crate::output::{complain, event, program, say, set_log_format};
 use crate::progress::ProgressLine;
 use crate::verdict::describe;
 
+/// Dumps of blow-ups that a training tells of; the others lie beside them.
+const MAX_DUMPS_TOLD: usize = 3;
+
 /// `canter train`.
 pub fn train(args: &TrainArgs) -> Result<ExitCode, CliError> {
+    set_log_format(args.log_format);
     let mut document = open_preset(&args.preset)?;
     for (key, value) in &args.overrides {
         document.set(key, value);
@@ -55,16 +59,14 @@ pub fn train(args: &TrainArgs) -> Result<ExitCode, CliError> {
 
 /// `canter resume`.
 pub fn resume(args: &ResumeArgs) -> Result<ExitCode, CliError> {
+    set_log_format(args.log_format);
     let directory = RunDirectory::open(&args.run)?;
     let resolved = read_config(&args.run)?;
     let workers = workers(args.threads)?;
     let mut trainer = Trainer::new(resolved);
-    let (checkpoint, skipped) = directory.newest_checkpoint()?;
-    for reason in skipped {
+    for reason in run::pick_up(&mut trainer, &directory)? {
         complain(&format!("skipping a damaged checkpoint: {reason}"));
     }
-    checkpoint.restore(&mut trainer)?;
-    directory.truncate_metrics(checkpoint.iterations())?;
     say(&format!(
         "Going on after {} env steps of {}, {} threads, in {}",
         trainer.progress().env_steps,
@@ -82,9 +84,25 @@ fn go_on(mut trainer: Trainer, directory: &RunDirectory, workers: &Workers) -> R
     let steps_before = trainer.progress().env_steps;
     let mut line = ProgressLine::new(&trainer.resolved().config.training, trainer.progress());
     let (mut collect_s, mut update_s) = (0.0, 0.0);
-    let ending = run::train(&mut trainer, directory, workers, &interrupt.stop, &mut |report| {
+    let mut num_dumps = 0;
+    let ending = run::train(&mut trainer, directory, workers, &interrupt.stop, &mut |Observed { report, dumps }| {
         collect_s += report.collect_s;
         update_s += report.update_s;
+        event("iteration", || metrics(report));
+        if let Err(divergence) = &report.update {
+            complain(&format!("{divergence}. The update was undone; the training goes on with half the learning rate"));
+        }
+        for dump in dumps {
+            num_dumps += 1;
+            if num_dumps <= MAX_DUMPS_TOLD {
+                let dump = dump.display();
+                complain(&format!(
+                    "the physics made no sense in an environment, whose episode was ended; look at it with \
+                     `{} replay {dump}`",
+                    program()
+                ));
+            }
+        }
         line.show(report);
     });
     line.finish();
@@ -127,7 +145,9 @@ fn go_on(mut trainer: Trainer, directory: &RunDirectory, workers: &Workers) -> R
     for trajectory in record_all(task, prior, Some(&policy), &config.evaluation, workers) {
         directory.write_trajectory(&trajectory)?;
     }
-    directory.write_json("eval.json", &serde_json::to_value(&verdict).expect("a verdict has string keys only"))?;
+    let json = serde_json::to_value(&verdict).expect("a verdict has string keys only");
+    directory.write_json("eval.json", &json)?;
+    event("verdict", || json);
     say(&format!("\n{}\n", describe(&verdict)));
     report_finished(directory.path());
     say(&format!("Policy:   {}", policy_path(directory.path()).display()));

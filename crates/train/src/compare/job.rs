@@ -17,7 +17,7 @@ use crate::config::{EvaluationSettings, Resolved};
 use crate::evaluate::Mover;
 use crate::executor::Workers;
 use crate::policy_file::PolicyFile;
-use crate::run::{Ending, train};
+use crate::run::{Ending, pick_up, train};
 use crate::run_directory::{
     RunDirectory, RunError, io_error, policy_path, read_config, read_policy, write_trajectory, write_whole,
 };
@@ -283,15 +283,8 @@ fn learn(
         RunDirectory::create(Some(folder), "", &resolved.config)?
     };
     let mut trainer = Trainer::new(resolved);
-    match directory.newest_checkpoint() {
-        Ok((checkpoint, _)) => {
-            checkpoint.restore(&mut trainer)?;
-            directory.truncate_metrics(checkpoint.iterations())?;
-            context.meter.skip(trainer.progress().env_steps);
-        }
-        Err(RunError::NoCheckpoint { .. }) => directory.truncate_metrics(0)?,
-        Err(error) => return Err(error.into()),
-    }
+    pick_up(&mut trainer, &directory)?;
+    context.meter.skip(trainer.progress().env_steps);
     let ending = train(&mut trainer, &directory, workers, context.stop, &mut |_| context.meter.add(rollout))?;
     if ending == Ending::Stopped {
         return Ok(None);

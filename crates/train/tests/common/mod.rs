@@ -5,7 +5,6 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
-use canter_train::checkpoint::Checkpoint;
 use canter_train::config::{Resolved, open_preset, resolve};
 use canter_train::executor::Workers;
 use canter_train::run::{self, Ending};
@@ -90,17 +89,14 @@ pub fn run_in(path: &Path, changes: &[(&str, &str)], num_threads: usize, stop_af
 pub fn resume_in(path: &Path, num_threads: usize, stop_after: Option<u64>) -> Ending {
     let directory = RunDirectory::open(path).unwrap();
     let mut trainer = Trainer::new(canter_train::run_directory::read_config(path).unwrap());
-    let (checkpoint, skipped): (Checkpoint, _) = directory.newest_checkpoint().unwrap();
-    assert_eq!(skipped, Vec::<String>::new());
-    checkpoint.restore(&mut trainer).unwrap();
-    directory.truncate_metrics(checkpoint.iterations()).unwrap();
+    assert_eq!(run::pick_up(&mut trainer, &directory).unwrap(), Vec::<String>::new());
     go_on(trainer, &directory, num_threads, stop_after)
 }
 
 fn go_on(mut trainer: Trainer, directory: &RunDirectory, num_threads: usize, stop_after: Option<u64>) -> Ending {
     let stop = AtomicBool::new(false);
-    let mut observe = |report: &canter_train::trainer::IterationReport| {
-        if stop_after == Some(report.progress.iterations) {
+    let mut observe = |observed: run::Observed<'_>| {
+        if stop_after == Some(observed.report.progress.iterations) {
             stop.store(true, Ordering::Relaxed);
         }
     };

@@ -105,6 +105,14 @@ pub fn train_args<'a>(more: &[&'a str]) -> Vec<&'a str> {
     [&["train"], &TINY[..], more].concat()
 }
 
+/// The same with another number of env steps.
+pub fn train_args_with_steps<'a>(steps: &'a str, more: &[&'a str]) -> Vec<&'a str> {
+    let mut args = train_args(more);
+    let place = args.iter().position(|arg| *arg == "--steps").unwrap();
+    args[place + 1] = steps;
+    args
+}
+
 /// Names of the files in a folder, sorted.
 pub fn names(folder: &Path) -> Vec<String> {
     let mut names: Vec<_> =

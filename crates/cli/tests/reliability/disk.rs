@@ -5,12 +5,12 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use crate::common::{Finished, TemporaryFolder, canter_in, names, train_args};
+use crate::common::{Finished, TemporaryFolder, canter_in, names, train_args, train_args_with_steps};
 use crate::killed::outcome;
 
 /// 200 iterations, with a checkpoint after every tenth.
-const LONGER: [&str; 6] =
-    ["--set", "training.checkpoint_env_steps=1280", "--set", "network.critic_hidden=256", "--steps", "25600"];
+const STEPS: &str = "25600";
+const LONGER: [&str; 4] = ["--set", "training.checkpoint_env_steps=1280", "--set", "network.critic_hidden=256"];
 
 /// A file system in memory, unmounted when dropped.
 struct SmallDisk(PathBuf);
@@ -58,12 +58,14 @@ fn num_lines(path: &Path) -> usize {
 #[ignore = "needs root"]
 fn a_full_disk_stops_the_run_with_a_message_and_it_goes_on_when_there_is_room() {
     let folder = TemporaryFolder::new();
-    folder.canter(&train_args(&[&LONGER[..], &["--out", "undisturbed"]].concat())).succeeded();
+    folder.canter(&train_args_with_steps(STEPS, &[&LONGER[..], &["--out", "undisturbed"]].concat())).succeeded();
     let expected = outcome(&folder.join("undisturbed"));
 
     let disk = SmallDisk::mount(folder.join("disk"), "32m");
     let mut child =
-        canter_in(folder.path(), &train_args(&[&LONGER[..], &["--out", "disk/run"]].concat())).spawn().unwrap();
+        canter_in(folder.path(), &train_args_with_steps(STEPS, &[&LONGER[..], &["--out", "disk/run"]].concat()))
+            .spawn()
+            .unwrap();
     let run = folder.join("disk/run");
     while num_lines(&run.join("metrics.jsonl")) < 15 {
         assert!(child.try_wait().unwrap().is_none(), "it ended before the disk was full");

@@ -7,18 +7,18 @@ use std::process::{Child, Stdio};
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
-use crate::common::{TemporaryFolder, canter_in, names, train_args};
+use crate::common::{TemporaryFolder, canter_in, names, train_args_with_steps};
 use crate::{amount, random_below};
 
 /// A training of 20 iterations that saves after each: most of its time it writes files.
-const SAVES_OFTEN: [&str; 6] =
-    ["--set", "training.checkpoint_env_steps=128", "--set", "training.max_env_steps=2560", "--steps", "2560"];
+const STEPS: &str = "2560";
+const SAVES_OFTEN: [&str; 2] = ["--set", "training.checkpoint_env_steps=128"];
 
 #[test]
 fn killed_and_resumed_runs_end_with_the_bytes_of_an_undisturbed_one() {
     let folder = TemporaryFolder::new();
     let begin = Instant::now();
-    folder.canter(&train_args(&[&SAVES_OFTEN[..], &["--out", "undisturbed"]].concat())).succeeded();
+    folder.canter(&train_args_with_steps(STEPS, &[&SAVES_OFTEN[..], &["--out", "undisturbed"]].concat())).succeeded();
     let length = begin.elapsed();
     let expected = outcome(&folder.join("undisturbed"));
     assert!(expected.len() > 6, "{:?}", expected.keys());
@@ -52,7 +52,7 @@ fn start(folder: &TemporaryFolder, run: &str) -> Child {
     let args = if folder.join(run).join("config.toml").exists() {
         vec!["resume", run, "--threads", "2"]
     } else {
-        train_args(&[&SAVES_OFTEN[..], &["--out", run]].concat())
+        train_args_with_steps(STEPS, &[&SAVES_OFTEN[..], &["--out", run]].concat())
     };
     canter_in(folder.path(), &args).stdout(Stdio::null()).spawn().unwrap()
 }

@@ -10,6 +10,7 @@ use crate::checkpoint::{Checkpoint, CheckpointError};
 use crate::config::{ConfigError, Resolved, RunConfig, resolve};
 use crate::policy_file::{PolicyError, PolicyFile};
 use crate::tensorboard::EventFile;
+use crate::tensors::read_file;
 use crate::trajectory::Trajectory;
 
 /// Endings of files that a writer has not finished.
@@ -199,7 +200,7 @@ impl RunDirectory {
         let paths = self.checkpoints().unwrap_or_default();
         for path in paths.iter().rev() {
             let checkpoint =
-                fs::read(path).map_err(CheckpointError::from).and_then(|bytes| Checkpoint::from_bytes(&bytes));
+                read_file(path).map_err(CheckpointError::from).and_then(|bytes| Checkpoint::from_bytes(&bytes));
             match checkpoint {
                 Ok(checkpoint) => return Ok((checkpoint, skipped)),
                 Err(error) => skipped.push(format!("{}: {error}", path.display())),
@@ -226,10 +227,7 @@ impl RunDirectory {
     /// The system's.
     pub fn open_events(&self) -> Result<EventFile, RunError> {
         let path = self.metrics_path();
-        let metrics = match fs::read_to_string(&path) {
-            Err(error) if error.kind() == io::ErrorKind::NotFound => String::new(),
-            text => text.map_err(|source| io_error(&path, source))?,
-        };
+        let metrics = read_metrics(&path)?.unwrap_or_default();
         EventFile::open(&self.path, &metrics)
     }
 
@@ -239,11 +237,7 @@ impl RunDirectory {
     /// The system's.
     pub fn truncate_metrics(&self, iterations: u64) -> Result<(), RunError> {
         let path = self.metrics_path();
-        let text = match fs::read_to_string(&path) {
-            Ok(text) => text,
-            Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(()),
-            Err(source) => return Err(io_error(&path, source)),
-        };
+        let Some(text) = read_metrics(&path)? else { return Ok(()) };
         let is_kept = |line: &&str| {
             let metrics = serde_json::from_str::<serde_json::Value>(line).ok();
             metrics.is_some_and(|metrics| metrics["iteration"].as_u64().is_some_and(|number| number <= iterations))
@@ -282,7 +276,7 @@ pub fn read_policy(run: &Path) -> Result<PolicyFile, RunError> {
     if !path.is_file() {
         return Err(RunError::NoPolicy(run.to_owned()));
     }
-    let bytes = fs::read(&path).map_err(|source| io_error(&path, source))?;
+    let bytes = read_file(&path).map_err(|source| io_error(&path, source))?;
     PolicyFile::from_bytes(&bytes).map_err(|source| RunError::Policy { path, source })
 }
 
@@ -299,6 +293,18 @@ pub fn write_trajectory(folder: &Path, trajectory: &Trajectory) -> Result<(), Ru
     fs::create_dir_all(folder).map_err(|source| io_error(folder, source))?;
     let json = serde_json::to_string(trajectory).expect("a trajectory has string keys only");
     write_whole(&folder.join(format!("{}.json", trajectory.name)), format!("{json}\n").as_bytes())
+}
+
+/// The content of a `metrics.jsonl`, if there is one, without the lines that are no text.
+pub(crate) fn read_metrics(path: &Path) -> Result<Option<String>, RunError> {
+    match fs::read(path) {
+        Ok(bytes) => {
+            let lines = bytes.split_inclusive(|&byte| byte == b'\n');
+            Ok(Some(lines.filter_map(|line| std::str::from_utf8(line).ok()).collect()))
+        }
+        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(None),
+        Err(source) => Err(io_error(path, source)),
+    }
 }
 
 fn trajectory_folder(run: &Path) -> PathBuf {

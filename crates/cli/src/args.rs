@@ -301,6 +301,62 @@ mod tests {
         Cli::command().debug_assert();
     }
 
+    /// A command line is damaged like a file; `fuzz.rs` says what it must survive.
+    #[cfg(unix)]
+    #[test]
+    fn no_command_line_can_hurt() {
+        use std::ffi::OsStr;
+        use std::os::unix::ffi::OsStrExt;
+        const WORDS: [&str; 26] = [
+            "\n",
+            "\n\n",
+            "\n--\n",
+            "-",
+            "=",
+            "\n--set\n",
+            "\n--seed=",
+            "\n--threads\n",
+            "\n--out\n",
+            "\n--steps\n",
+            "\n--help",
+            "\n-V",
+            "\n--json",
+            "\n--size\n",
+            "\n--seconds\n",
+            "\n--fps\n",
+            "\n--rungs=",
+            "\n--budget\n",
+            "\n--slope\n-",
+            "x",
+            ",",
+            "tuned,doggo",
+            "train\n",
+            "eval\n",
+            "film\n",
+            "\u{1f415}",
+        ];
+        let valid = [
+            "train\npaper\n--seed\n3\n--set\npolicy.authority=0.5\n--threads\n2\n--steps\n1000\n--out\nruns/x",
+            "eval\nruns/doggo-1-1\n--slope\n10\n--friction=0.8\n--episodes\n5\n--json",
+            "compare\n--seeds\n3\n--budget\n500000\n--rungs\ntuned,doggo\n--quick",
+            "film\nruns/doggo-1-1\n--seconds\n2.5\n--size\n1920x720\n--fps\n50",
+            "config\ndoggo\n--set\nppo.gamma=0.9\n--set\ntask.friction=0.8",
+        ];
+        crate::fuzz::fuzz_bytes("command line", &valid.map(|line| line.as_bytes().to_vec()), &WORDS, |bytes, _| {
+            let words = bytes.split(|&byte| byte == b'\n').map(OsStr::from_bytes);
+            let cli = Cli::try_parse_from([OsStr::new("canter")].into_iter().chain(words));
+            match cli.map_err(|error| format!("{:?}", error.kind()))?.command {
+                Command::Film(args) => {
+                    assert!((0.1..=60.0).contains(&args.seconds) && (1..=50).contains(&args.fps));
+                    assert!(args.size.iter().all(|&pixels| (120..=3840).contains(&pixels)));
+                }
+                Command::Train(args) => assert!(args.threads.is_none_or(|threads| (1..=1024).contains(&threads))),
+                _ => {}
+            }
+            Ok(())
+        });
+    }
+
     #[test]
     fn a_film_has_a_size_that_video_can_have() {
         assert_eq!(film_size("960x360"), Ok([960, 360]));

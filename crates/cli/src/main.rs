@@ -4,6 +4,9 @@ mod args;
 mod commands;
 mod comparison;
 mod error;
+#[cfg(test)]
+#[path = "../../train/tests/common/fuzz.rs"]
+mod fuzz;
 mod interrupt;
 mod output;
 mod progress;

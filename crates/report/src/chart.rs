@@ -12,6 +12,12 @@ pub const KEY_EM: f64 = 13.4;
 /// Share of an axis that stays free beyond the outermost value.
 const FREE_SHARE: f64 = 0.04;
 
+/// Share of its numbers' size that an axis spans at least, far from where double precision ends.
+const LEAST_SPAN: f64 = 1e-9;
+
+/// Numbers below this size are drawn as if they had it.
+const LEAST_SIZE: f64 = 1e-3;
+
 /// Least distance of two labels at the lines' ends.
 const LABEL_SPACING: f64 = 13.0;
 
@@ -57,7 +63,7 @@ impl Axis {
 
     /// An axis with these ends.
     pub fn exactly(label: &str, range: (f64, f64)) -> Self {
-        Self { range, label: label.to_owned(), ticks: Vec::new() }
+        Self { range: told_apart(range), label: label.to_owned(), ticks: Vec::new() }
     }
 
     fn marks(&self) -> Vec<(f64, String)> {
@@ -65,16 +71,22 @@ impl Axis {
     }
 }
 
-/// Lowest and highest of the finite values, never equal.
+/// The ends of an axis, moved apart where nothing between them could be told apart.
+fn told_apart((low, high): (f64, f64)) -> (f64, f64) {
+    let size = low.abs().max(high.abs());
+    if high - low > LEAST_SPAN * size.max(LEAST_SIZE) {
+        return (low, high);
+    }
+    let room = 0.5 * size.max(1.0);
+    (low - room, high + room)
+}
+
+/// Lowest and highest of the finite values, told apart.
 fn extent(values: impl Iterator<Item = f64>) -> (f64, f64) {
     let (low, high) = values
         .filter(|value| value.is_finite())
         .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| (low.min(value), high.max(value)));
-    match (low.is_finite(), low == high) {
-        (false, _) => (0.0, 1.0),
-        (true, true) => (low - 0.5 * low.abs().max(1.0), high + 0.5 * high.abs().max(1.0)),
-        (true, false) => (low, high),
-    }
+    if low.is_finite() { told_apart((low, high)) } else { (0.0, 1.0) }
 }
 
 /// 1, 2 or 5 times a power of ten that cuts `span` into about `num` parts.

@@ -1,17 +1,32 @@
 //! The files that are read, and what has to be true of them. `docs/run-directory.md` and `docs/metrics.md` describe them.
 
 use std::collections::BTreeMap;
-use std::fs;
-use std::io::ErrorKind;
+use std::fs::{self, File};
+use std::io::{ErrorKind, Read};
 use std::path::{Component, Path, PathBuf};
 
-use serde::Deserialize;
-use serde::de::DeserializeOwned;
+use serde::de::{DeserializeOwned, Error};
+use serde::{Deserialize, Deserializer};
 
 use crate::error::ReportError;
 
 /// The version of `compare.json` and of trajectories.
 const VERSION: u64 = 1;
+
+/// More of a file is not read: an episode of 100,000 steps, the longest that is recorded, has half of it [bytes].
+const MAX_FILE_BYTES: u64 = 1 << 28;
+
+/// Numbers of our files stay far below it, seeds included; beyond it nothing can be drawn.
+const LARGEST_NUMBER: f64 = 1e20;
+
+/// Sums of such counts do not overflow.
+const LARGEST_COUNT: u64 = 1 << 53;
+
+/// What a robot's times, lengths and torques lie between [s, m, N m].
+const POSSIBLE_SIZES: std::ops::RangeInclusive<f64> = 1e-6..=1e6;
+
+/// The replay has a bit for each leg.
+const MAX_LEGS: usize = 16;
 
 const TRAIN_AGAIN: &str = "it comes from `canter train`; `canter resume RUN` writes it again";
 const COMPARE_AGAIN: &str = "it comes from `canter compare`; run that again";
@@ -37,6 +52,7 @@ pub struct Verdict {
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 pub struct Protocol {
     pub robot: String,
+    #[serde(deserialize_with = "count")]
     pub num_episodes: u64,
     pub episode_s: f64,
     pub settle_s: f64,
@@ -51,7 +67,9 @@ pub struct GaitReport {
     pub speed_m_per_s: f64,
     pub speed_ci: [f64; 2],
     pub displacement_speed_m_per_s: f64,
+    #[serde(deserialize_with = "count")]
     pub falls: u64,
+    #[serde(deserialize_with = "counts")]
     pub falls_by_cause: BTreeMap<String, u64>,
     pub drift_m: f64,
     pub heading_deg: f64,
@@ -65,8 +83,10 @@ pub struct GaitReport {
 /// A line of `metrics.jsonl`.
 #[derive(Clone, Debug, Deserialize)]
 pub struct Metrics {
+    #[serde(deserialize_with = "count")]
     pub env_steps: u64,
     pub episode_return: Option<f64>,
+    #[serde(deserialize_with = "counts")]
     pub accidents: BTreeMap<String, u64>,
     pub speed_m_per_s: f64,
     pub power_w: f64,
@@ -146,6 +166,7 @@ pub struct ComparedTrajectories {
 /// How a comparison was made.
 #[derive(Clone, Debug, Deserialize)]
 pub struct ComparisonProtocol {
+    #[serde(deserialize_with = "count")]
     pub budget_env_steps: u64,
     pub seeds: Vec<u64>,
     pub evaluation: Evaluation,
@@ -155,6 +176,7 @@ pub struct ComparisonProtocol {
 /// How each gait of a comparison was measured.
 #[derive(Clone, Debug, Deserialize)]
 pub struct Evaluation {
+    #[serde(deserialize_with = "count")]
     pub num_episodes: u64,
     pub episode_s: f64,
     pub settle_s: f64,
@@ -197,11 +219,15 @@ pub struct Ratio {
 #[derive(Clone, Debug, Deserialize)]
 pub struct SeedResult {
     pub seed: Option<u64>,
+    #[serde(deserialize_with = "count")]
     pub env_steps: u64,
     pub speed_m_per_s: f64,
     pub displacement_speed_m_per_s: f64,
+    #[serde(deserialize_with = "count")]
     pub falls: u64,
+    #[serde(deserialize_with = "count")]
     pub num_episodes: u64,
+    #[serde(deserialize_with = "counts")]
     pub falls_by_cause: BTreeMap<String, u64>,
     pub episode_return: f64,
     pub drift_m: f64,
@@ -251,6 +277,22 @@ pub struct Run {
     pub metrics: Vec<Metrics>,
     /// By the gait's name; `learned` is the policy.
     pub trajectories: BTreeMap<String, Trajectory>,
+}
+
+fn count<'de, D: Deserializer<'de>>(deserializer: D) -> Result<u64, D::Error> {
+    let count = u64::deserialize(deserializer)?;
+    if count > LARGEST_COUNT {
+        Err(D::Error::custom(format!("{count} is more than can be counted")))
+    } else {
+        Ok(count)
+    }
+}
+
+fn counts<'de, D: Deserializer<'de>>(deserializer: D) -> Result<BTreeMap<String, u64>, D::Error> {
+    #[derive(Deserialize)]
+    struct Count(#[serde(deserialize_with = "count")] u64);
+    let counts = BTreeMap::<String, Count>::deserialize(deserializer)?;
+    Ok(counts.into_iter().map(|(name, Count(count))| (name, count)).collect())
 }
 
 /// Reads a run directory. Without `trajectories/` it has no trajectories; everything else has to be there.
@@ -373,7 +415,7 @@ fn trajectory(path: &Path) -> Result<Trajectory, ReportError> {
     let trajectory: Trajectory = versioned(path, TRAJECTORY_AGAIN)?;
     let t = &trajectory;
     let (steps, legs) = (t.time_s.len(), t.legs.len());
-    if steps < 2 || legs == 0 {
+    if steps < 2 || !(1..=MAX_LEGS).contains(&legs) {
         return Err(wrong(path, format!("{steps} steps of {legs} legs"), TRAJECTORY_AGAIN));
     }
     let per_step = [
@@ -411,10 +453,15 @@ fn trajectory(path: &Path) -> Result<Trajectory, ReportError> {
             TRAJECTORY_AGAIN,
         ));
     }
-    let positive =
+    let sizes =
         [("control_dt_s", t.control_dt_s), ("leg_length_m", t.leg_length_m), ("max_torque_nm", t.max_torque_nm)];
-    if let Some((name, value)) = positive.iter().find(|(_, value)| *value <= 0.0) {
-        return Err(wrong(path, format!("`{name}` is {value}, expected more than 0"), TRAJECTORY_AGAIN));
+    if let Some((name, value)) = sizes.iter().find(|(_, value)| !POSSIBLE_SIZES.contains(value)) {
+        let what = format!(
+            "`{name}` is {value}, expected a number from {} to {}",
+            POSSIBLE_SIZES.start(),
+            POSSIBLE_SIZES.end()
+        );
+        return Err(wrong(path, what, TRAJECTORY_AGAIN));
     }
     Ok(trajectory)
 }
@@ -454,12 +501,71 @@ fn json<T: DeserializeOwned>(path: &Path, advice: &'static str) -> Result<T, Rep
 }
 
 fn text(path: &Path, advice: &'static str) -> Result<String, ReportError> {
-    fs::read_to_string(path).map_err(|source| match source.kind() {
+    let mut text = String::new();
+    let mut read = || {
+        let file = File::open(path)?;
+        let is_large = file.metadata()?.len() > MAX_FILE_BYTES;
+        // What is no ordinary file may have no length and no end.
+        file.take(if is_large { 0 } else { MAX_FILE_BYTES }).read_to_string(&mut text)?;
+        Ok(is_large || text.len() as u64 == MAX_FILE_BYTES)
+    };
+    let is_large = read().map_err(|source: std::io::Error| match source.kind() {
         ErrorKind::NotFound => ReportError::Missing { path: path.to_path_buf(), advice },
         _ => ReportError::Io { path: path.to_path_buf(), source },
-    })
+    })?;
+    if is_large {
+        return Err(wrong(path, format!("it has more than {} MiB", MAX_FILE_BYTES >> 20), advice));
+    }
+    match beyond_measure(&text) {
+        Some(number) => Err(wrong(path, format!("the number {number} is beyond all measure"), advice)),
+        None => Ok(text),
+    }
+}
+
+/// The first number in a JSON text, shortened, that is too large for anything that is computed from it.
+fn beyond_measure(text: &str) -> Option<String> {
+    const MAX_SHOWN: usize = 30;
+    // So few characters without an exponent are no large number.
+    const FEW: usize = 20;
+    let bytes = text.as_bytes();
+    let (mut i, mut is_in_string) = (0, false);
+    while i < bytes.len() {
+        match bytes[i] {
+            b'\\' if is_in_string => i += 1,
+            b'"' => is_in_string = !is_in_string,
+            b'0'..=b'9' if !is_in_string => {
+                let is_part = |byte: &u8| byte.is_ascii_digit() || b"+-.eE".contains(byte);
+                let length = bytes[i..].iter().take_while(|byte| is_part(byte)).count();
+                let number = &text[i..i + length];
+                if (length > FEW || number.contains(['e', 'E']))
+                    && number.parse().is_ok_and(|value: f64| value > LARGEST_NUMBER)
+                {
+                    return Some(number.chars().take(MAX_SHOWN).collect());
+                }
+                i += length;
+                continue;
+            }
+            _ => {}
+        }
+        i += 1;
+    }
+    None
 }
 
 fn wrong(path: &Path, what: String, advice: &'static str) -> ReportError {
     ReportError::Wrong { path: path.to_path_buf(), what, advice }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_beyond_all_measure_are_found_outside_of_texts() {
+        let found = |text: &str| beyond_measure(text);
+        assert_eq!(found(r#"{"a": [1.5, -2e3], "seed": 18446744073709551615, "1e99": "\\\"1e99"}"#), None);
+        assert_eq!(found(r#"{"a": [1.5, -1e21]}"#), Some("1e21".to_owned()));
+        assert_eq!(found(&format!("[{}]", "9".repeat(40))), Some("9".repeat(30)));
+        assert_eq!(found("[1e-400, 0.000000000000000000000001]"), None);
+    }
 }

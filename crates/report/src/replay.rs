@@ -55,5 +55,7 @@ pub fn data(recorded: &[Recorded<'_>]) -> String {
 }
 
 fn millimetres(metres: f64) -> i64 {
-    (metres * 1e3).round() as i64
+    /// What a number of JavaScript holds exactly; differences of two do not overflow.
+    const LARGEST: f64 = (1_i64 << 53) as f64;
+    (metres * 1e3).round().clamp(-LARGEST, LARGEST) as i64
 }

@@ -49,6 +49,9 @@ pub fn interquartile_mean(values: &[f64]) -> f64 {
 ///
 /// Source: Efron and Tibshirani 1993, section 13.3 (percentile interval). The draws are fixed: same values, same interval.
 pub fn interquartile_mean_interval(values: &[f64]) -> [f64; 2] {
+    if let [only] = *values {
+        return [only; 2];
+    }
     let mut state = 0;
     let mut draw = || ((u128::from(split_mix(&mut state)) * values.len() as u128) >> 64) as usize;
     let mut resample = vec![0.0; values.len()];

@@ -287,7 +287,7 @@ fn wrong_files_are_refused_with_their_name_and_what_to_do() {
         (
             "trajectories/doggo.json",
             |file| file["control_dt_s"] = json!(0.0),
-            "`control_dt_s` is 0, expected more than 0",
+            "`control_dt_s` is 0, expected a number from 0.000001 to 1000000",
         ),
     ];
     for (name, damage, complaint) in damages {
@@ -327,6 +327,60 @@ fn wrong_files_are_refused_with_their_name_and_what_to_do() {
 }
 
 #[test]
+fn numbers_at_the_ends_of_their_ranges_can_be_drawn_or_are_refused() {
+    let folder = TemporaryFolder::new();
+    let run = folder.join("run");
+    write_run(&run, 1, true);
+    let report = || report_run(std::slice::from_ref(&run), &run);
+    let change = |name: &str, change: &dyn Fn(&mut Value)| {
+        let path = run.join(name);
+        let good = fs::read_to_string(&path).unwrap();
+        let changed: String = good
+            .lines()
+            .map(|line| {
+                let mut value: Value = serde_json::from_str(line).unwrap();
+                change(&mut value);
+                format!("{value}\n")
+            })
+            .collect();
+        fs::write(&path, changed).unwrap();
+        let result = report().map(|_| assert_no_nan(&run)).map_err(|error| error.to_string());
+        fs::write(&path, good).unwrap();
+        result
+    };
+    // Nothing was done; a number that no axis has room for; so far away that an axis has no room for what differs.
+    change("metrics.jsonl", &|line| line["env_steps"] = json!(0)).unwrap();
+    change("metrics.jsonl", &|line| line["approx_kl"] = json!(5e-324)).unwrap();
+    change("metrics.jsonl", &|line| line["power_w"] = json!(1e17)).unwrap();
+    change("eval.json", &|file| file["policy"]["speed_ci"] = json!([-1e19, 1e19])).unwrap();
+    let trajectory = "trajectories/learned.json";
+    change(trajectory, &|file| file["foot_m"][500][0] = json!([1e18, 0.0, 0.0])).unwrap();
+    change(trajectory, &|file| file["position_m"][500] = json!([-1e18, 1e18, 0.1])).unwrap();
+    change(trajectory, &|file| file["settle_s"] = json!(-1e18)).unwrap();
+    change(trajectory, &|file| file["time_s"][3] = json!(1e18)).unwrap();
+
+    for (name, pointer, value, complaint) in [
+        ("eval.json", "/policy/speed_m_per_s", json!(1e300), "the number 1e+300 is beyond all measure"),
+        ("eval.json", "/policy/falls", json!(u64::MAX), "18446744073709551615 is more than can be counted"),
+        ("metrics.jsonl", "/accidents/rollover", json!(u64::MAX), "18446744073709551615 is more than can be counted"),
+        (trajectory, "/control_dt_s", json!(1e-300), "expected a number from 0.000001 to 1000000"),
+        (trajectory, "/legs", json!(vec!["leg"; 17]), "1000 steps of 17 legs"),
+    ] {
+        let error = change(name, &|file| *file.pointer_mut(pointer).unwrap() = value.clone()).unwrap_err();
+        assert!(error.contains(complaint), "{error}");
+    }
+}
+
+/// Whether all figures of a report have numbers for coordinates.
+#[track_caller]
+fn assert_no_nan(folder: &Path) {
+    for (name, bytes) in contents(&folder.join("figures")) {
+        let text = String::from_utf8_lossy(&bytes);
+        assert!(!text.contains("NaN") && !text.contains("inf "), "{name}");
+    }
+}
+
+#[test]
 fn recordings_of_odd_gaits_can_be_drawn() {
     let folder = TemporaryFolder::new();
     let path = folder.join("compare");
@@ -348,7 +402,5 @@ fn recordings_of_odd_gaits_can_be_drawn() {
         write_json(&file, &trajectory);
     }
     report_compare(&path).unwrap();
-    for (name, bytes) in contents(&path.join("figures")) {
-        assert!(!String::from_utf8_lossy(&bytes).contains("NaN"), "{name}");
-    }
+    assert_no_nan(&path);
 }

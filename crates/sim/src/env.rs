@@ -156,7 +156,7 @@ impl Env {
         }
         // The ground is the plane z = 0.
         self.simulation.qpos_mut()[root + 2] -= lowest_foot_m;
-        self.observe(observation);
+        self.observe(false, observation);
     }
 
     /// Chooses what differs in the coming episodes: `place` in [0, 1) selects one of all the task's variations. Without
@@ -175,13 +175,17 @@ impl Env {
 
     /// One control step with the policy's action.
     ///
+    /// A step from or to a state that makes no sense ends in [`Accident::Unstable`], without work and without reward, and
+    /// leaves an observation of zeros.
+    ///
     /// # Shapes
     /// - `action`: `(A)`, clamped to [-1, 1] here
     /// - `observation`: `(O)`, raw
     pub fn step(&mut self, action: &[f32], observation: &mut [f32]) -> StepOutcome {
         let mut squared_action_change = 0.0;
         for (previous, new) in self.previous_action.iter_mut().zip(action) {
-            let new = new.clamp(-1.0, 1.0);
+            // As the controller has it: what is no number is the prior.
+            let new = if new.is_nan() { 0.0 } else { new.clamp(-1.0, 1.0) };
             squared_action_change += f64::from((new - *previous) * (new - *previous));
             *previous = new;
         }
@@ -206,27 +210,27 @@ impl Env {
 
     /// Simulates one control step under the command whose time has come.
     fn advance(&mut self, squared_action_change: f64, observation: &mut [f32]) -> StepOutcome {
-        let (before, heading_before) = (self.position_in_ground(), self.heading_rad());
+        let (before, heading_before, began_sane) = (self.position_in_ground(), self.heading_rad(), self.makes_sense());
         let mut work_j = self.simulate();
-        self.env_steps += 1;
-        self.observe(observation);
+        self.env_steps = self.env_steps.saturating_add(1);
 
         let after = self.position_in_ground();
-        let unstable = self.simulation.is_unstable() || !frame::is_sane(self.simulation.qpos(), self.simulation.qvel());
-        let accident = if unstable { Some(Accident::Unstable) } else { self.accident() };
         let motion = Motion {
             displacement_in_ground: std::array::from_fn(|axis| after[axis] - before[axis]),
             work_j,
             turn_rad: frame::smallest_angle(self.heading_rad() - heading_before),
             squared_action_change,
         };
-        // A state that makes no sense has neither work nor reward that does.
-        let terms = if unstable {
-            work_j = 0.0;
-            RewardTerms::default()
-        } else {
-            RewardTerms::new(&self.task.reward, &self.task.scale, &motion)
-        };
+        let mut terms = RewardTerms::new(&self.task.reward, &self.task.scale, &motion);
+        let unstable = !began_sane
+            || !self.makes_sense()
+            || !frame::is_possible_way(motion.displacement_in_ground, self.task.settings.control_dt_s)
+            || !terms.total().is_finite();
+        self.observe(unstable, observation);
+        let accident = if unstable { Some(Accident::Unstable) } else { self.accident() };
+        if unstable {
+            (work_j, terms) = (0.0, RewardTerms::default());
+        }
         let mut reward = terms.total();
         self.return_so_far += reward;
         if accident.is_some() {
@@ -270,8 +274,16 @@ impl Env {
         work_j
     }
 
-    /// Reads the sensors and writes the observation.
-    fn observe(&mut self, observation: &mut [f32]) {
+    /// Whether the physics' state could be a robot's.
+    fn makes_sense(&self) -> bool {
+        !self.simulation.is_unstable() && frame::is_sane(self.simulation.qpos(), self.simulation.qvel())
+    }
+
+    /// Reads the sensors and writes the observation; zeros if the state makes no sense.
+    fn observe(&mut self, is_nonsense: bool, observation: &mut [f32]) {
+        if is_nonsense {
+            return observation.fill(0.0);
+        }
         let robot = &self.task.robot;
         let (qpos, qvel) = (self.simulation.qpos(), self.simulation.qvel());
         let reference = robot.model.reference_position();
@@ -429,17 +441,27 @@ impl Env {
         state
     }
 
-    /// Restores what [`state`](Self::state) gave for the same task, and writes the observation, `(O)`.
+    /// Restores what [`state`](Self::state) gave for the same task, and writes the observation, `(O)`: zeros if the
+    /// positions or velocities make no sense, as after a step.
     ///
     /// # Errors
-    /// A state of another length is refused; the environment must then be reset before it is used.
+    /// A state that no environment of this task can have, but for its physics, which the next step judges; the environment
+    /// must then be reset before it is used.
     pub fn set_state(&mut self, state: &[f64], observation: &mut [f32]) -> Result<(), String> {
         let num_motors = 2 * self.task.robot.legs.len();
         let own = 5 + self.previous_action.len() + self.commands.len() * num_motors;
         let Some((own, physics)) = state.split_at_checked(own) else {
             return Err(format!("{} numbers are too few for an environment's state", state.len()));
         };
+        self.check_own(own)?;
+        if physics.iter().any(|value| !value.is_finite()) {
+            return Err("the physics' state has numbers that are not finite".to_owned());
+        }
         self.simulation.set_state(physics)?;
+        // MuJoCo keeps some numbers, the switches of its constraints, as bytes.
+        if self.simulation.state() != physics {
+            return Err("the physics' state has a switch that is neither on nor off".to_owned());
+        }
         self.clock = PhaseClock::at(own[0] as f32);
         self.env_steps = own[1] as u32;
         self.return_so_far = own[2];
@@ -451,8 +473,52 @@ impl Env {
         for (target, value) in rest.zip(&own[5..]) {
             *target = *value as f32;
         }
-        self.observe(observation);
+        self.observe(!self.makes_sense(), observation);
         Ok(())
+    }
+
+    /// Checks the numbers of a state that are not the physics'.
+    fn check_own(&self, own: &[f64]) -> Result<(), String> {
+        /// No joint is asked for as much [rad].
+        const LARGEST_COMMAND: f64 = 1e2;
+        let [phase, env_steps, return_so_far, stuck_s, slope_rad] = own[..5] else {
+            unreachable!("the caller has counted");
+        };
+        let (actions, commands) = own[5..].split_at(self.previous_action.len());
+        let own_slope_rad = self.task.settings.slope_deg.to_radians();
+        let has_slope = slope_rad == own_slope_rad || self.task.variation.has_slope(slope_rad);
+        let checks = [
+            ("phase", (0.0..1.0).contains(&phase)),
+            ("number of env steps", env_steps == f64::from(env_steps as u32)),
+            ("return", return_so_far.abs() <= env_steps * self.largest_reward()),
+            ("time of a stuck leg", (0.0..=f64::from(u32::MAX)).contains(&stuck_s)),
+            ("slope", has_slope),
+            ("previous action", actions.iter().all(|value| value.abs() <= 1.0)),
+            ("command", commands.iter().all(|value| value.abs() < LARGEST_COMMAND)),
+        ];
+        match checks.iter().find(|(_, is_possible)| !is_possible) {
+            Some((what, _)) => Err(format!("an environment's state has a {what} that cannot be")),
+            None => Ok(()),
+        }
+    }
+
+    /// What no reward of a step exceeds, however the robot is thrown about: every term at its largest.
+    fn largest_reward(&self) -> f64 {
+        let Task { reward, scale, robot, settings, .. } = &*self.task;
+        let way = frame::LARGEST_VELOCITY * settings.control_dt_s;
+        let terms = RewardTerms::new(
+            reward,
+            scale,
+            &Motion {
+                displacement_in_ground: [way; 3],
+                work_j: self.buffers.torques.len() as f64 * robot.settings.motor.max_torque_nm * way,
+                turn_rad: std::f64::consts::PI,
+                // Each component from -1 to 1.
+                squared_action_change: 4.0 * self.previous_action.len() as f64,
+            },
+        );
+        // All but the first are penalties.
+        2.0 * terms.forward - terms.total()
     }
 }
 

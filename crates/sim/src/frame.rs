@@ -61,12 +61,22 @@ pub fn gravity_in_ground(gravity: f64, slope_rad: f64) -> [f64; 3] {
     [-gravity * slope_rad.sin(), 0.0, -gravity * slope_rad.cos()]
 }
 
-/// Whether a state could be a robot's: finite, within 1 km and 1 km/s.
+/// Positions and angles of a robot stay below this [m, rad]: no walk of the longest episode comes near it.
+const LARGEST_POSITION: f64 = 1e6;
+
+/// Velocities of a robot stay below this [m/s, rad/s], ten times what the fastest motors and the hardest falls give.
+pub const LARGEST_VELOCITY: f64 = 1e3;
+
+/// Whether a state could be a robot's: finite, within 1000 km and 1 km/s.
 ///
 /// MuJoCo itself notices values above 1e10 only.
 pub fn is_sane(qpos: &[f64], qvel: &[f64]) -> bool {
-    const LARGEST: f64 = 1e3;
-    qpos.iter().chain(qvel).all(|value| value.abs() < LARGEST)
+    qpos.iter().all(|value| value.abs() < LARGEST_POSITION) && qvel.iter().all(|value| value.abs() < LARGEST_VELOCITY)
+}
+
+/// Whether a robot could have come this far [m] in `dt_s` [s]: not faster than the velocities that [`is_sane`] allows.
+pub fn is_possible_way(displacement: [f64; 3], dt_s: f64) -> bool {
+    displacement.iter().all(|way| way.abs() < LARGEST_VELOCITY * dt_s)
 }
 
 #[cfg(test)]
@@ -116,10 +126,18 @@ mod tests {
     }
 
     #[test]
+    fn the_longest_walk_makes_sense() {
+        // 1000 s at 10 m/s.
+        assert!(is_sane(&[10_000.0, -500.0], &[10.0]));
+    }
+
+    #[test]
     fn nonsense_is_noticed() {
         assert!(is_sane(&[0.1, -3.0], &[20.0]));
         for bad in [f64::NAN, f64::INFINITY, 1e9, -1e20] {
             assert!(!is_sane(&[bad], &[]) && !is_sane(&[], &[bad]));
+            assert!(!is_possible_way([0.0, bad, 0.0], 0.01));
         }
+        assert!(is_possible_way([0.03, -0.01, 0.0], 0.01) && !is_possible_way([0.0, 0.0, 10.5], 0.01));
     }
 }

@@ -92,7 +92,8 @@ impl Model {
 
     /// The number of the object of this name.
     pub fn id(&self, kind: ObjectKind, name: &str) -> Option<usize> {
-        self.0.name_to_id(kind.to_mujoco(), name)
+        // To MuJoCo a zero ends the name, and its wrapper panics there.
+        if name.contains('\0') { None } else { self.0.name_to_id(kind.to_mujoco(), name) }
     }
 
     /// The total mass [kg].

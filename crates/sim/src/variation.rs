@@ -41,6 +41,12 @@ impl Variation {
         self.slope_rad.is_some() && self.share > 0.0
     }
 
+    /// Whether an environment may have this slope [rad].
+    pub fn has_slope(&self, slope_rad: f64) -> bool {
+        let varied = self.slope_rad.is_some_and(|[low, high]| (low..=high).contains(&slope_rad));
+        slope_rad == self.own_slope_rad || varied
+    }
+
     /// The slope at `place` in [0, 1) of all variations [rad]; none if slopes do not vary.
     ///
     /// ```text

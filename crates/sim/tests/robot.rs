@@ -49,6 +49,13 @@ fn a_model_that_is_not_what_robot_toml_says_is_refused() {
     refused("root", &[("\"front_left_motor_a\"", "\"root\"")], &[], "expected a hinge");
     refused("twice", &[("\"back_left_motor_a\"", "\"front_left_motor_a\"")], &[], "this joint is named already");
     refused("actuator", &[("\"back_left_swing\"", "\"front_left_swing\"")], &[], "this actuator is named already");
+    let zero = [("\"back_left_swing\"", "\"back_left\\u0000swing\"")];
+    refused(
+        "zero",
+        &zero,
+        &[],
+        "legs[1].actuators[0] = \"back_left\\u0000swing\" is refused: the model has no actuator called",
+    );
     refused("box_foot", &[("foot = \"front_left_foot\"", "foot = \"chassis\"")], &[], "expected a sphere");
     let raised = [("<geom name=\"floor\" type=\"plane\"", "<geom name=\"floor\" type=\"plane\" pos=\"0 0 0.5\"")];
     refused("raised", &[], &raised, "expected a plane at z = 0");

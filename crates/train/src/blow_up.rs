@@ -165,7 +165,8 @@ impl BlowUp {
             let message = "the robot's files have changed since: put them back".to_owned();
             return Err(DumpError::Mismatch(message));
         }
-        if !self.actions.len().is_multiple_of(task.num_actions()) {
+        let num_steps = self.num_steps(task);
+        if num_steps > 2 * WINDOW_STEPS || num_steps * task.num_actions() != self.actions.len() {
             let message = "its actions are not those of this run's configuration".to_owned();
             return Err(DumpError::Mismatch(message));
         }

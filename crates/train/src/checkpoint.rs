@@ -10,6 +10,9 @@ use crate::trainer::{Progress, Trainer};
 /// Version of the format; readers refuse others.
 const FORMAT_VERSION: u32 = 2;
 
+/// No training comes to as many steps; sums of them do not overflow.
+const LARGEST_COUNT: u64 = 1 << 53;
+
 /// What is not an array.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 struct Card {
@@ -105,6 +108,10 @@ impl Checkpoint {
             let message =
                 format!("it has version {}, this canter reads version {FORMAT_VERSION}", card.checkpoint_version);
             return Err(CheckpointError::Mismatch(message));
+        }
+        let Card { iterations, env_steps, episodes, gradient_steps, observations, .. } = card;
+        if [iterations, env_steps, episodes, gradient_steps, observations].iter().any(|&count| count > LARGEST_COUNT) {
+            return Err(CheckpointError::Mismatch("it counts more than any training comes to".to_owned()));
         }
         Ok(Self { card, file })
     }

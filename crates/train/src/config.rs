@@ -240,6 +240,13 @@ pub fn resolve(document: &Document) -> Result<Resolved, ConfigError> {
                 format!("task.control_dt_s = {} is not a whole number of physics steps", config.task.control_dt_s);
             problems.at("evaluation.physics_dt_s", message);
         }
+        let evaluated_steps = (config.evaluation.episode_s / config.task.control_dt_s).round();
+        if evaluated_steps > MAX_EVALUATED_STEPS {
+            let message = format!(
+                "such an episode has {evaluated_steps} env steps; at most {MAX_EVALUATED_STEPS} can be recorded"
+            );
+            problems.at("evaluation.episode_s", message);
+        }
         let num_samples = config.training.num_environments * config.training.horizon;
         if config.ppo.minibatch_size > num_samples {
             let message = format!("an iteration has only num_environments times horizon = {num_samples} samples");
@@ -277,6 +284,9 @@ pub fn resolve(document: &Document) -> Result<Resolved, ConfigError> {
 
 /// Time that an evaluation has to measure at least, after settling [s].
 const MIN_COUNTED_S: f64 = 1.0;
+
+/// Env steps of an episode that can be recorded and reported on: 100,000 are a trajectory of 100 MB.
+const MAX_EVALUATED_STEPS: f64 = 1e5;
 
 /// Samples of one rollout that fit into memory with room to spare: 4 Mi samples of 100 numbers are 1.6 GB.
 const MAX_ROLLOUT_SAMPLES: usize = 1 << 22;

@@ -17,6 +17,7 @@ pub mod evaluate;
 pub mod executor;
 pub mod film;
 pub mod footfall;
+mod json;
 pub mod policy_file;
 pub mod run;
 pub mod run_directory;

@@ -6,6 +6,7 @@ use canter_sim::mirror::MirrorMaps;
 use canter_sim::{NamedGait, Task};
 use serde::{Deserialize, Serialize};
 
+use crate::json::largest_number;
 use crate::tensors::{TensorError, TensorFile};
 use crate::trainer::Trainer;
 
@@ -14,6 +15,9 @@ pub const FORMAT_VERSION: u32 = 2;
 
 /// Observations of the built-in test vector.
 const NUM_TEST_VECTORS: usize = 4;
+
+/// Sizes that a layer of a policy may have; products of three of them do not overflow.
+const WIDTHS: std::ops::RangeInclusive<usize> = 1..=1 << 16;
 
 /// The metadata: what is not an array. Keys are sorted in the file.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -153,8 +157,11 @@ pub enum PolicyError {
     #[error("it has format version {found}, this canter reads version {FORMAT_VERSION}")]
     Version {
         /// The file's version.
-        found: u32,
+        found: u64,
     },
+    /// A number of the metadata cannot be one.
+    #[error("its metadata has a number that is beyond all measure")]
+    Number,
     /// The mirror does not lead back to the original, or has not the sizes of the network.
     #[error("its mirror is none")]
     Mirror,
@@ -235,12 +242,21 @@ impl PolicyFile {
         let card: serde_json::Value = serde_json::from_str(file.metadata())?;
         let found = card.get("format_version").and_then(serde_json::Value::as_u64).unwrap_or(0);
         if found != u64::from(FORMAT_VERSION) {
-            return Err(PolicyError::Version { found: found as u32 });
+            return Err(PolicyError::Version { found });
+        }
+        // What does not fit would be read as infinite.
+        if largest_number(&card) > f64::from(f32::MAX) {
+            return Err(PolicyError::Number);
         }
         let card: PolicyCard = serde_json::from_value(card)?;
         let shape_of = |name: &str| match file.shape(name) {
-            Some(&[rows, columns]) => Ok((rows, columns)),
-            _ => Err(TensorError::Missing(name.to_owned())),
+            Some(&[rows, columns]) if WIDTHS.contains(&rows) && WIDTHS.contains(&columns) => Ok((rows, columns)),
+            Some(shape) => Err(TensorError::Shape {
+                name: name.to_owned(),
+                found: format!("{shape:?}"),
+                expected: format!("two sizes from {} to {}", WIDTHS.start(), WIDTHS.end()),
+            }),
+            None => Err(TensorError::Missing(name.to_owned())),
         };
         let (input, hidden) = shape_of("actor.0.weight")?;
         let (_, output) = shape_of("actor.2.weight")?;

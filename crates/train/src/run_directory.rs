@@ -7,10 +7,11 @@ use std::path::{Path, PathBuf};
 use canter_sim::settings::{Document, write_commented};
 
 use crate::blow_up::{BlowUp, DumpError};
-use crate::checkpoint::Checkpoint;
+use crate::checkpoint::{Checkpoint, CheckpointError};
 use crate::config::{ConfigError, Resolved, RunConfig, resolve};
 use crate::policy_file::{PolicyError, PolicyFile};
 use crate::tensorboard::EventFile;
+use crate::tensors::read_file;
 use crate::trajectory::Trajectory;
 
 /// Endings of files that a writer has not finished.
@@ -269,12 +270,11 @@ impl RunDirectory {
         let mut skipped = Vec::new();
         let paths = self.checkpoints().unwrap_or_default();
         for path in paths.iter().rev() {
-            match read_limited(path) {
-                Ok(bytes) => match Checkpoint::from_bytes(&bytes) {
-                    Ok(checkpoint) => return Ok((checkpoint, skipped)),
-                    Err(error) => skipped.push(format!("{}: {error}", path.display())),
-                },
-                Err(error) => skipped.push(error.to_string()),
+            let checkpoint =
+                read_file(path).map_err(CheckpointError::from).and_then(|bytes| Checkpoint::from_bytes(&bytes));
+            match checkpoint {
+                Ok(checkpoint) => return Ok((checkpoint, skipped)),
+                Err(error) => skipped.push(format!("{}: {error}", path.display())),
             }
         }
         let reason = if skipped.is_empty() { "there is none".to_owned() } else { skipped.join("; ") };
@@ -298,10 +298,7 @@ impl RunDirectory {
     /// The system's.
     pub fn open_events(&self) -> Result<EventFile, RunError> {
         let path = self.metrics_path();
-        let metrics = match fs::read_to_string(&path) {
-            Err(error) if error.kind() == io::ErrorKind::NotFound => String::new(),
-            text => text.map_err(|source| io_error(&path, source))?,
-        };
+        let metrics = read_metrics(&path)?.unwrap_or_default();
         EventFile::open(&self.path, &metrics)
     }
 
@@ -311,11 +308,7 @@ impl RunDirectory {
     /// The system's.
     pub fn truncate_metrics(&self, iterations: u64) -> Result<(), RunError> {
         let path = self.metrics_path();
-        let text = match fs::read_to_string(&path) {
-            Ok(text) => text,
-            Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(()),
-            Err(source) => return Err(io_error(&path, source)),
-        };
+        let Some(text) = read_metrics(&path)? else { return Ok(()) };
         let is_kept = |line: &&str| {
             let metrics = serde_json::from_str::<serde_json::Value>(line).ok();
             metrics.is_some_and(|metrics| metrics["iteration"].as_u64().is_some_and(|number| number <= iterations))
@@ -354,7 +347,7 @@ pub fn read_policy(run: &Path) -> Result<PolicyFile, RunError> {
     if !path.is_file() {
         return Err(RunError::NoPolicy(run.to_owned()));
     }
-    let bytes = read_limited(&path)?;
+    let bytes = read_file(&path).map_err(|source| io_error(&path, source))?;
     PolicyFile::from_bytes(&bytes).map_err(|source| RunError::Policy { path, source })
 }
 
@@ -378,30 +371,12 @@ pub fn write_trajectory(folder: &Path, trajectory: &Trajectory) -> Result<(), Ru
 /// # Errors
 /// No dump of a run there, or one that cannot be used.
 pub fn read_blow_up(path: &Path) -> Result<(BlowUp, Resolved), RunError> {
-    let bytes = read_limited(path)?;
+    let bytes = read_file(path).map_err(|source| io_error(path, source))?;
     let blow_up = BlowUp::from_bytes(&bytes).map_err(|source| RunError::Dump { path: path.to_owned(), source })?;
     // RUN/dumps/NAME
     let full = path.canonicalize().map_err(|source| io_error(path, source))?;
     let run = full.ancestors().nth(2).unwrap_or(Path::new("."));
     Ok((blow_up, read_config(run)?))
-}
-
-/// The bytes of a file that one of ours would be, and not more than one of ours can have.
-fn read_limited(path: &Path) -> Result<Vec<u8>, RunError> {
-    /// A checkpoint of the largest networks and 4096 environments has some 200 MB; nobody waits for more.
-    const MAX_BYTES: u64 = 1 << 30;
-    let read = || {
-        // Opening a pipe would wait for its other end.
-        let metadata = fs::metadata(path)?;
-        if !metadata.is_file() {
-            return Err(io::Error::new(io::ErrorKind::InvalidInput, "this is no file"));
-        }
-        if metadata.len() > MAX_BYTES {
-            return Err(io::Error::new(io::ErrorKind::FileTooLarge, format!("it has more than {MAX_BYTES} bytes")));
-        }
-        fs::read(path)
-    };
-    read().map_err(|source| io_error(path, source))
 }
 
 /// Refuses a folder with anything in it but what a process that was killed at its start has left.
@@ -417,6 +392,18 @@ fn check_empty(path: &Path) -> Result<(), RunError> {
 
 fn is_temporary(path: &Path) -> bool {
     path.extension().is_some_and(|ending| ending == TEMPORARY_ENDING)
+}
+
+/// The content of a `metrics.jsonl`, if there is one, without the lines that are no text.
+pub(crate) fn read_metrics(path: &Path) -> Result<Option<String>, RunError> {
+    match fs::read(path) {
+        Ok(bytes) => {
+            let lines = bytes.split_inclusive(|&byte| byte == b'\n');
+            Ok(Some(lines.filter_map(|line| std::str::from_utf8(line).ok()).collect()))
+        }
+        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(None),
+        Err(source) => Err(io_error(path, source)),
+    }
 }
 
 fn trajectory_folder(run: &Path) -> PathBuf {

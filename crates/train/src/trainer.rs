@@ -142,6 +142,11 @@ impl Trainer {
         Normaliser::from_moments(&self.moments)
     }
 
+    /// What the last collection brought, and what the last update made of it.
+    pub fn rollout(&self) -> &Rollout {
+        &self.rollout
+    }
+
     /// Whether the configured number of env steps or episodes is reached.
     pub fn is_finished(&self) -> bool {
         let training = &self.resolved.config.training;

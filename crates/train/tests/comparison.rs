@@ -208,3 +208,68 @@ fn the_number_of_threads_changes_no_byte() {
     };
     assert!(bytes("one", 1) == bytes("three", 3));
 }
+
+/// A change of a file.
+type Damage = fn(&mut Value);
+
+#[test]
+fn what_a_job_left_and_cannot_be_is_named() {
+    let folder = TemporaryFolder::new();
+    let run = folder.join("run");
+    let settings = CompareSettings { rungs: vec![Rung::Sine, Rung::Stepping], ..tiny() };
+    assert!(run_in(&run, &settings, 1, None));
+    let path = run.join("sine/measured.json");
+    let good: Value = serde_json::from_str(&fs::read_to_string(&path).unwrap()).unwrap();
+    let refusal = |change: Damage| {
+        let mut changed = good.clone();
+        change(&mut changed);
+        fs::write(&path, changed.to_string()).unwrap();
+        let folder = CompareFolder::open(Some(&run), &settings).unwrap();
+        compare(&folder, 1, &AtomicBool::new(false), &|_| {}).unwrap_err().to_string()
+    };
+    let cases: [(Damage, &str); 4] = [
+        (
+            |file| file["sweeps"]["push_m_per_s"] = Value::from(Vec::<Value>::new()),
+            "the sweep `push_m_per_s` has 0 points for 1 values",
+        ),
+        (
+            |file| file["sweeps"]["slope_deg"][1]["speeds_m_per_s"] = Value::from(Vec::<f64>::new()),
+            "the sweep `slope_deg` has 0 speeds and 2 falls of 0 episodes",
+        ),
+        (|file| file["run"]["falls"] = Value::from(9), "`run` has 2 speeds and 9 falls of 2 episodes"),
+        (|file| file["run"]["speed_m_per_s"] = Value::from(1e300), "it holds a number that is beyond all measure"),
+    ];
+    for (change, what) in cases {
+        let message = refusal(change);
+        assert_eq!(message, format!("sine: {}: {what}; remove it, and its job begins again", path.display()));
+    }
+}
+
+#[test]
+fn a_search_goes_on_only_from_what_one_can_have_left() {
+    let resolved = Rung::Tuned.resolved(&tiny(), 1).unwrap();
+    let settings = tiny().search();
+    let search = Search { task: &resolved.task, settings: &settings, seed: 1 };
+    let good = serde_json::to_value(search.start(Objective::Speed)).unwrap();
+    let refusal = |change: &dyn Fn(&mut Value)| {
+        let mut changed = good.clone();
+        change(&mut changed);
+        search.check(&serde_json::from_value(changed).unwrap(), Objective::Speed).err()
+    };
+    assert_eq!(refusal(&|_| {}), None);
+    let dimensions = "its distribution is none over 17 dimensions";
+    assert_eq!(refusal(&|state| state["cma_es"]["mean"] = Value::from(vec![0.0; 3])).unwrap(), dimensions);
+    assert_eq!(refusal(&|state| state["cma_es"]["covariance"] = Value::from(vec![1.0; 17])).unwrap(), dimensions);
+    assert_eq!(refusal(&|state| state["cma_es"]["sigma"] = Value::from(-0.1)).unwrap(), dimensions);
+    assert_eq!(refusal(&|state| state["cma_es"]["generation"] = Value::from(u32::MAX)).unwrap(), dimensions);
+    let objective = refusal(&|state| state["objective"] = Value::from("return")).unwrap();
+    assert_eq!(objective, "it searches for `return`, not for `speed`");
+    let measure = "it holds a number that is beyond all measure";
+    assert_eq!(refusal(&|state| state["env_steps"] = Value::from(u64::MAX)).unwrap(), measure);
+    assert_eq!(refusal(&|state| state["cma_es"]["p_c"][0] = Value::from(1e300)).unwrap(), measure);
+    let candidate = serde_json::json!({
+        "action": [0.5], "score": { "num_episodes": 1, "falls": 0, "speed_m_per_s": 0.5, "episode_return": 3.0 },
+    });
+    let candidates = refusal(&|state| state["chosen"] = candidate.clone()).unwrap();
+    assert_eq!(candidates, "it has candidates that are no actions of 17 components that were tried");
+}

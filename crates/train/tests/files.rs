@@ -6,6 +6,7 @@ use std::fs;
 use std::path::Path;
 
 use canter_train::checkpoint::Checkpoint;
+use canter_train::config::{open_preset, resolve};
 use canter_train::policy_file::{PolicyError, PolicyFile};
 use canter_train::run::Ending;
 use canter_train::run_directory::{RunDirectory, RunError, read_config, read_policy};
@@ -216,6 +217,77 @@ fn doctored_metadata_gives_the_right_error() {
     assert!(message.starts_with("it was trained for the action law "), "{message}");
     let message = check(&|metadata| metadata["observation"] = json!(["phase"]));
     assert!(message.starts_with("it was trained for the observation [\"phase\"], not for [\"motor_angles\", "));
+}
+
+#[test]
+fn a_policy_of_numbers_that_cannot_be_is_refused() {
+    let bytes = policy_bytes();
+    let refusal = |change: &dyn Fn(&mut Value)| PolicyFile::from_bytes(&with_metadata(&bytes, change)).unwrap_err();
+    // Too large for single precision: it would be infinite, and null when it is written again.
+    let error = refusal(&|metadata| metadata["gait"]["legs"][0]["phase_offset"] = json!(1e39));
+    assert!(matches!(error, PolicyError::Number), "{error}");
+    // Version 2, but for what 32 bits hold of it.
+    let error = refusal(&|metadata| metadata["format_version"] = json!((1_u64 << 32) + 2));
+    assert_eq!(error.to_string(), "it has format version 4294967298, this canter reads version 2");
+    // Sizes whose product has more than 64 bits.
+    for (shape, found) in [([0, 1 << 40], "[0, 1099511627776]"), ([1 << 62, 0], "[4611686018427387904, 0]")] {
+        let file = TensorFile::from_bytes(&bytes).unwrap();
+        let mut changed = file.clone();
+        changed.push::<f32>("actor.0.weight", &shape, &[]);
+        let error = PolicyFile::from_bytes(&changed.to_bytes()).unwrap_err().to_string();
+        assert_eq!(error, format!("the array `actor.0.weight` is {found}, expected two sizes from 1 to 65536"));
+    }
+}
+
+#[test]
+fn a_checkpoint_that_counts_more_than_can_be_is_refused() {
+    let bytes = Checkpoint::of(&common::trained(&[], 1)).to_bytes();
+    let file = TensorFile::from_bytes(&bytes).unwrap();
+    for key in ["iterations", "env_steps", "episodes", "gradient_steps", "observations"] {
+        let mut metadata: Value = serde_json::from_str(file.metadata()).unwrap();
+        metadata[key] = json!(u64::MAX);
+        let mut changed = TensorFile::new(metadata.to_string());
+        for name in ["parameters", "adam.first_moment", "adam.second_moment"] {
+            let shape = file.shape(name).unwrap().to_vec();
+            changed.push(name, &shape, &file.get::<f32>(name, &shape).unwrap());
+        }
+        let error = Checkpoint::from_bytes(&changed.to_bytes()).unwrap_err();
+        assert_eq!(error.to_string(), "it counts more than any training comes to", "{key}");
+    }
+}
+
+#[test]
+fn sizes_that_memory_cannot_hold_are_refused() {
+    let refusal = |changes: &[(&str, &str)]| {
+        let mut document = open_preset("doggo").unwrap();
+        changes.iter().for_each(|(key, value)| document.set(key, value));
+        resolve(&document).map(drop).map_err(|error| error.to_string())
+    };
+    let rollout = [("training.num_environments", "4096"), ("training.horizon", "100000")];
+    let message = refusal(&rollout).unwrap_err();
+    assert!(message.ends_with("num_environments times horizon may be 4194304 at most: one rollout"), "{message}");
+    refusal(&[("training.num_environments", "4096"), ("training.horizon", "1024")]).unwrap();
+    let episode = [("evaluation.episode_s", "1000.0"), ("task.control_dt_s", "0.001"), ("task.physics_dt_s", "0.001")];
+    let fine = [("evaluation.physics_dt_s", "0.001")];
+    let message = refusal(&[&episode[..], &fine].concat()).unwrap_err();
+    assert!(message.ends_with("such an episode has 1000000 env steps; at most 100000 can be recorded"), "{message}");
+    refusal(&[("evaluation.episode_s", "1000.0")]).unwrap();
+}
+
+#[test]
+fn a_run_goes_on_although_its_metrics_are_damaged() {
+    let folder = TemporaryFolder::new();
+    let run = folder.join("run");
+    common::run_in(&run, &[], 2, Some(3));
+    let path = run.join("metrics.jsonl");
+    let mut metrics = fs::read(&path).unwrap();
+    // A byte of the second line that belongs to no character.
+    let second = metrics.iter().position(|&byte| byte == b'\n').unwrap() + 10;
+    metrics[second] = 0xff;
+    fs::write(&path, metrics).unwrap();
+    assert_eq!(common::resume_in(&run, 2, None), Ending::Finished);
+    let iterations: Vec<_> = common::metrics_without_times(&run).iter().map(|line| line["iteration"].clone()).collect();
+    assert_eq!(iterations, [1, 3, 4, 5]);
 }
 
 #[test]

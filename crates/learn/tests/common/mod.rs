@@ -1,4 +1,5 @@
 //! A toy environment and the training loop around it.
+#![allow(dead_code, reason = "each test binary uses its part")]
 
 use canter_gait::network::Network;
 use canter_learn::{

@@ -19,6 +19,9 @@ const NUM_FRAMES: usize = 8;
 /// Width of a frame.
 const FRAME_WIDTH: f64 = 92.0;
 
+/// Half the width of a frame from which on its ground has no ticks [m].
+const LARGEST_HALF_WIDTH_M: f64 = 20.0;
+
 /// Time that a footfall diagram shows [s].
 const FOOTFALL_S: f64 = 1.2;
 
@@ -95,7 +98,9 @@ fn frame_panel(subject: &Subject, trajectory: &Trajectory, step: usize, time: f6
     drawing.line("ground", (0.0, ground), (FRAME_WIDTH, ground));
     let half_width_m = 0.5 * FRAME_WIDTH / scale;
     let (first, last) = ((way - half_width_m) / 0.1, (way + half_width_m) / 0.1);
-    for tick in first.ceil() as i64..=last.floor() as i64 {
+    // On a frame that shows more of the ground than a robot could need, ticks would cover everything.
+    let is_drawn = half_width_m < LARGEST_HALF_WIDTH_M;
+    for tick in (first.ceil() as i64..=last.floor() as i64).take_while(|_| is_drawn) {
         let (x, _) = at(tick as f64 * 0.1 - way, 0.0);
         drawing.line("ground", (x, ground), (x, ground + 3.0));
     }

@@ -3,7 +3,8 @@
 mod check;
 mod settings;
 
-use std::fs;
+use std::fs::File;
+use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use canter_gait::Leg;
@@ -103,6 +104,9 @@ pub enum RobotError {
     },
 }
 
+/// More of a robot's file is not read: no description has as much, but a device that never ends has [bytes].
+const MAX_FILE_BYTES: u64 = 1 << 26;
+
 /// A robot that comes with canter.
 struct BuiltIn {
     name: &'static str,
@@ -149,8 +153,11 @@ impl Robot {
     }
 
     fn from_file(path: &Path) -> Result<Self, RobotError> {
-        let read =
-            |path: &Path| fs::read(path).map_err(|source| RobotError::Unreadable { path: path.to_owned(), source });
+        let read = |path: &Path| {
+            let mut bytes = Vec::new();
+            let result = File::open(path).and_then(|file| file.take(MAX_FILE_BYTES).read_to_end(&mut bytes));
+            result.map(|_| bytes).map_err(|source| RobotError::Unreadable { path: path.to_owned(), source })
+        };
         let bytes = read(path)?;
         let document = Document::parse(&path.display().to_string(), &bytes)?;
         let settings = document.read::<RobotSettings>()?;

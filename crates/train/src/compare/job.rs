@@ -19,9 +19,11 @@ use crate::executor::Workers;
 use crate::policy_file::PolicyFile;
 use crate::run::{Ending, pick_up, train};
 use crate::run_directory::{
-    RunDirectory, RunError, io_error, policy_path, read_config, read_policy, write_trajectory, write_whole,
+    RunDirectory, RunError, io_error, policy_path, read_config, read_metrics, read_policy, write_trajectory,
+    write_whole,
 };
 use crate::search::tuned::{Candidate, Objective, Search, SearchState};
+use crate::tensors::read_file;
 use crate::trainer::Trainer;
 use crate::trajectory::record;
 
@@ -110,7 +112,9 @@ impl Job {
         let folder = context.folder.join(self.name());
         let resolved = self.rung.resolved(context.settings, self.seed.unwrap_or(0))?;
         let planned = self.planned_steps(context.settings, &resolved.task);
-        if let Some(measured) = read_json(&folder.join("measured.json"))? {
+        let measured_path = folder.join("measured.json");
+        if let Some(measured) = read_json::<Measured>(&measured_path)? {
+            measured.check(self.rung, context.settings).map_err(wrong(&measured_path))?;
             context.meter.skip(planned);
             context.meter.finish_job();
             return Ok(Some(measured));
@@ -137,7 +141,7 @@ impl Job {
             }
         };
         if let Some(measured) = &measured {
-            write_json(&folder.join("measured.json"), measured)?;
+            write_json(&measured_path, measured)?;
             context.meter.finish_job();
         }
         Ok(measured)
@@ -179,6 +183,7 @@ impl Job {
         for objective in Objective::ALL {
             let path = folder.join(format!("search-{}.json", objective.name()));
             let mut state = read_json(&path)?.unwrap_or_else(|| search.start(objective));
+            search.check(&state, objective).map_err(wrong(&path))?;
             context.meter.skip(state.env_steps);
             if state.chosen.is_none() {
                 let (mut counted, mut saved) = (state.env_steps, Ok(()));
@@ -296,7 +301,7 @@ fn learn(
 /// Env steps and mean return of every iteration in which an episode ended, from `metrics.jsonl`.
 fn return_curve(folder: &Path) -> Result<Vec<(u64, f64)>, CompareError> {
     let path = folder.join("metrics.jsonl");
-    let text = fs::read_to_string(&path).map_err(|source| io_error(&path, source))?;
+    let text = read_metrics(&path)?.ok_or_else(|| io_error(&path, std::io::ErrorKind::NotFound.into()))?;
     let point = |line: &str| {
         let metrics: Value = serde_json::from_str(line).ok()?;
         Some((metrics["env_steps"].as_u64()?, metrics["episode_return"].as_f64()?))
@@ -306,13 +311,18 @@ fn return_curve(folder: &Path) -> Result<Vec<(u64, f64)>, CompareError> {
 
 /// The value in a JSON file; none if there is no file.
 pub(super) fn read_json<T: DeserializeOwned>(path: &Path) -> Result<Option<T>, CompareError> {
-    let bytes = match fs::read(path) {
+    let bytes = match read_file(path) {
         Ok(bytes) => bytes,
         Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(None),
         Err(source) => return Err(io_error(path, source).into()),
     };
     let broken = |source| CompareError::Broken { path: PathBuf::from(path), source };
     serde_json::from_slice(&bytes).map(Some).map_err(broken)
+}
+
+/// The error that a JSON file holds what cannot be.
+fn wrong(path: &Path) -> impl FnOnce(String) -> CompareError {
+    move |what| CompareError::Wrong { path: path.to_owned(), what }
 }
 
 /// Writes a JSON file whole, its keys sorted.

@@ -7,11 +7,12 @@ use canter_gait::Modulation;
 use canter_sim::{Env, Task};
 use serde::{Deserialize, Serialize};
 
-use super::protocol::{CompareSettings, Quantity};
+use super::protocol::{CompareSettings, Quantity, Rung};
 use crate::config::EvaluationSettings;
 use crate::evaluate::{Conditions, GaitReport, Mover, evaluate, run_episodes};
 use crate::executor::Workers;
 use crate::footfall::Footfall;
+use crate::json::{LARGEST, largest_number};
 
 /// One run of a rung: `docs/metrics.md` defines every number.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -72,6 +73,49 @@ pub struct Measured {
     pub run: RunReport,
     /// For each sweep one point for each of its values; empty for a rung that is not swept.
     pub sweeps: BTreeMap<Quantity, Vec<SweepPoint>>,
+}
+
+impl Measured {
+    /// Checks that a comparison of these settings can use it.
+    ///
+    /// # Errors
+    /// What cannot be: numbers beyond all measure, episodes that are missing or too many.
+    pub fn check(&self, rung: Rung, settings: &CompareSettings) -> Result<(), String> {
+        let value = serde_json::to_value(self).map_err(|error| error.to_string())?;
+        if largest_number(&value) > LARGEST {
+            return Err("it holds a number that is beyond all measure".to_owned());
+        }
+        let check = |what: &str, speeds: &[f64], num_episodes: usize, falls: u64| {
+            if speeds.is_empty() || speeds.len() != num_episodes || falls > num_episodes as u64 {
+                let num_speeds = speeds.len();
+                return Err(format!("{what} has {num_speeds} speeds and {falls} falls of {num_episodes} episodes"));
+            }
+            Ok(())
+        };
+        let RunReport { speeds_m_per_s, num_episodes, falls, falls_by_cause, return_curve, .. } = &self.run;
+        check("`run`", speeds_m_per_s, *num_episodes, *falls)?;
+        if falls_by_cause.values().any(|count| count > falls) {
+            return Err("`run` has a cause of more falls than there are".to_owned());
+        }
+        if return_curve.windows(2).any(|pair| pair[0].0 >= pair[1].0) {
+            return Err("`run` has a return_curve whose env steps do not grow".to_owned());
+        }
+        for sweep in settings.sweeps.iter().filter(|_| rung.is_swept()) {
+            let name = sweep.quantity.name();
+            let points = self.sweeps.get(&sweep.quantity).map_or(&[][..], |points| points);
+            if points.len() != sweep.values.len() {
+                return Err(format!(
+                    "the sweep `{name}` has {} points for {} values",
+                    points.len(),
+                    sweep.values.len()
+                ));
+            }
+            for point in points {
+                check(&format!("the sweep `{name}`"), &point.speeds_m_per_s, point.speeds_m_per_s.len(), point.falls)?;
+            }
+        }
+        Ok(())
+    }
 }
 
 /// A gait that is ready to be measured.

@@ -54,6 +54,14 @@ pub enum CompareError {
         /// Why.
         source: serde_json::Error,
     },
+    /// One of our JSON files holds what cannot be.
+    #[error("{}: {what}; remove it, and its job begins again", .path.display())]
+    Wrong {
+        /// The file.
+        path: PathBuf,
+        /// What cannot be.
+        what: String,
+    },
     /// The folder belongs to another comparison.
     #[error("{}: this folder holds a comparison with other settings ({difference}); choose another with --out", .path.display())]
     OtherSettings {

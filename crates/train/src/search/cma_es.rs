@@ -8,6 +8,9 @@ use serde::{Deserialize, Serialize};
 
 use super::eigen::symmetric_eigen;
 
+/// No search has as many generations; twice as many do not overflow.
+const MAX_GENERATION: u32 = 1 << 24;
+
 /// Numbers that follow from the dimension n alone (Table 1, the default parameters).
 #[derive(Clone, Debug, PartialEq)]
 pub struct StrategyParameters {
@@ -106,6 +109,13 @@ impl CmaEs {
         let n = mean.len();
         let covariance = (0..n * n).map(|k| f64::from(k / n == k % n)).collect();
         Self { p_sigma: vec![0.0; n], p_c: vec![0.0; n], covariance, generation: 0, mean, sigma }
+    }
+
+    /// Whether this can be the state of a search in `n` dimensions.
+    pub fn is_sound(&self, n: usize) -> bool {
+        let Self { mean, sigma, generation, covariance, p_sigma, p_c } = self;
+        let has_sizes = [mean.len(), p_sigma.len(), p_c.len()] == [n; 3] && covariance.len() == n * n;
+        has_sizes && *sigma > 0.0 && *generation <= MAX_GENERATION
     }
 
     /// The next generation, `(lambda x n)`; `normal` gives standard normal numbers.

@@ -12,6 +12,7 @@ use crate::config::EvaluationSettings;
 use crate::environment::uniform;
 use crate::evaluate::{Conditions, Episode, Mover, Starts, run_episodes};
 use crate::executor::Workers;
+use crate::json::{LARGEST, largest_number};
 use crate::search::cma_es::{CmaEs, StrategyParameters, fold};
 use crate::statistics::mean;
 
@@ -27,6 +28,9 @@ const MAX_CHOICE_EPISODES: u64 = 20;
 
 /// Candidates that are remembered as finalists, beside the distribution's mean.
 const NUM_REMEMBERED: usize = 4;
+
+/// No search takes as many env steps; sums of them do not overflow.
+const LARGEST_COUNT: u64 = 1 << 53;
 
 /// What a search looks for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -163,6 +167,32 @@ impl Search<'_> {
             remembered: Vec::new(),
             chosen: None,
         }
+    }
+
+    /// Checks that a search for `objective` can go on from a state.
+    ///
+    /// # Errors
+    /// What cannot be: another objective or number of dimensions, numbers beyond all measure.
+    pub fn check(&self, state: &SearchState, objective: Objective) -> Result<(), String> {
+        let value = serde_json::to_value(state).map_err(|error| error.to_string())?;
+        if largest_number(&value) > LARGEST || state.env_steps > LARGEST_COUNT {
+            return Err("it holds a number that is beyond all measure".to_owned());
+        }
+        if state.objective != objective {
+            return Err(format!("it searches for `{}`, not for `{}`", state.objective.name(), objective.name()));
+        }
+        let num_actions = self.task.num_actions();
+        if !state.cma_es.is_sound(num_actions) {
+            return Err(format!("its distribution is none over {num_actions} dimensions"));
+        }
+        let is_candidate = |candidate: &Candidate| {
+            let is_action = candidate.action.iter().all(|component| (-1.0..=1.0).contains(component));
+            candidate.action.len() == num_actions && is_action && candidate.score.num_episodes > 0
+        };
+        if state.remembered.len() > NUM_REMEMBERED || !state.remembered.iter().chain(&state.chosen).all(is_candidate) {
+            return Err(format!("it has candidates that are no actions of {num_actions} components that were tried"));
+        }
+        Ok(())
     }
 
     /// Searches until the budget is spent, or until `stop`; `observe` sees the state after every generation.

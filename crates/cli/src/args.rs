@@ -43,6 +43,9 @@ pub enum Command {
     Robots(RobotsArgs),
     /// Print a preset with the meaning of every value
     Config(ConfigArgs),
+    /// Compile a model, within limits of time and memory
+    #[command(hide = true)]
+    CompileModel(CompileModelArgs),
 }
 
 #[derive(Debug, Args)]
@@ -261,6 +264,12 @@ pub struct ConfigArgs {
     /// Override one value of the preset; may be given several times
     #[arg(long = "set", value_name = "KEY=VALUE", value_parser = key_value)]
     pub overrides: Vec<(String, String)>,
+}
+
+#[derive(Debug, Args)]
+pub struct CompileModelArgs {
+    /// The model's file
+    pub model: PathBuf,
 }
 
 /// The rung of this name.

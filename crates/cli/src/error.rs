@@ -57,6 +57,10 @@ pub enum CliError {
         "{0} holds a comparison, which is reported alone and into its own folder; leave out other folders and --out"
     )]
     ReportAlone(String),
+    #[error("{0}")]
+    Model(String),
+    #[error("cannot limit time and memory: {0}")]
+    Limits(std::io::Error),
     #[error("cannot start the worker threads: {0}")]
     Threads(std::io::Error),
     #[error("cannot listen for Ctrl-C: {0}")]

@@ -7,6 +7,7 @@ mod error;
 #[cfg(test)]
 #[path = "../../train/tests/common/fuzz.rs"]
 mod fuzz;
+mod guard;
 mod interrupt;
 mod output;
 mod progress;
@@ -19,6 +20,8 @@ use clap::Parser;
 use crate::args::{Cli, Command};
 
 fn main() -> ExitCode {
+    canter_sim::mujoco::set_fatal_handler(|message| output::complain(&format!("error: MuJoCo: {message}")));
+    canter_sim::robot::set_model_guard(guard::model_guard);
     let result = match Cli::parse().command {
         Command::Train(args) => commands::train::train(&args),
         Command::Resume(args) => commands::train::resume(&args),
@@ -30,6 +33,7 @@ fn main() -> ExitCode {
         Command::View(args) => commands::view::view(&args),
         Command::Robots(args) => commands::robots::robots(&args),
         Command::Config(args) => commands::config::config(&args),
+        Command::CompileModel(args) => commands::compile_model::compile_model(&args),
     };
     // MuJoCo's warnings are ours to pass on.
     let mut messages = canter_sim::mujoco::take_messages();

@@ -195,13 +195,17 @@ fn models_that_are_missing_or_broken() {
     let message = "robot/doggo.xml: cannot be read: No such file or directory (os error 2)";
     assert_refused_in(&folder, &OWN_ROBOT, message);
 
-    for (good, bad, words) in [
-        ("</mujoco>", "", "XML parse error"),
-        ("<worldbody>", "<worldbody><geom type=\"blob\"/>", "invalid keyword: 'blob'"),
+    for (good, bad, start, words) in [
+        ("</mujoco>", "", "error: robot/doggo.xml:1: not well-formed XML: ", "never closed"),
+        (
+            "<worldbody>",
+            "<worldbody><geom type=\"blob\"/>",
+            "error: robot/doggo.xml: MuJoCo cannot load this model: ",
+            "invalid keyword: 'blob'",
+        ),
     ] {
         let folder = copy_of_doggo(|text| text, |text| text.replacen(good, bad, 1));
         let complaint = folder.canter(&OWN_ROBOT).failed_with(1);
-        let start = "error: robot/doggo.xml: MuJoCo cannot load this model: ";
         assert!(complaint.starts_with(start) && complaint.contains(words), "{complaint}");
         // Not even MuJoCo's own log file.
         assert_eq!(names(folder.path()), ["robot"]);

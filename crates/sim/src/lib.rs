@@ -7,6 +7,7 @@
 
 pub mod accident;
 pub mod env;
+pub mod file;
 pub mod forward;
 pub mod frame;
 pub mod mirror;

@@ -5,8 +5,9 @@ pub mod painter;
 pub mod viewer;
 
 use std::path::Path;
-use std::sync::{Mutex, Once, PoisonError};
+use std::sync::{Mutex, Once, OnceLock, PoisonError};
 
+use mujoco_rs::error::MjModelError;
 use mujoco_rs::mujoco_c::{mjtState, mjtWarning};
 use mujoco_rs::wrappers::mj_data::MjData;
 use mujoco_rs::wrappers::mj_logging::{MjLogMessage, MjtLogLevel};
@@ -42,7 +43,20 @@ static MESSAGES: Mutex<Vec<String>> = Mutex::new(Vec::new());
 /// At most this many of MuJoCo's messages are kept.
 const MAX_MESSAGES: usize = 100;
 
+/// Told what MuJoCo cannot go on after, before it ends the process.
+static FATAL_HANDLER: OnceLock<fn(&str)> = OnceLock::new();
+
+/// Has `handler` told MuJoCo's last words when it ends the process, with exit code 1, for example because there is no
+/// memory; a second call changes nothing. Without a handler they are lost.
+pub fn set_fatal_handler(handler: fn(&str)) {
+    // The first handler stays.
+    let _ = FATAL_HANDLER.set(handler);
+}
+
 fn keep_message(message: &MjLogMessage) {
+    if let (MjtLogLevel::mjLOG_ERROR, Some(handler)) = (message.level(), FATAL_HANDLER.get()) {
+        handler(message.subject());
+    }
     // MuJoCo also tells how long it compiled.
     if !matches!(message.level(), MjtLogLevel::mjLOG_WARNING | MjtLogLevel::mjLOG_ERROR) {
         return;
@@ -67,6 +81,14 @@ pub fn take_messages() -> Vec<String> {
     std::mem::take(&mut *MESSAGES.lock().unwrap_or_else(PoisonError::into_inner))
 }
 
+/// MuJoCo's own words of an error.
+fn message_of(error: &MjModelError) -> String {
+    match error {
+        MjModelError::LoadFailed(message) => message.trim().to_owned(),
+        other => other.to_string(),
+    }
+}
+
 /// A compiled MuJoCo model.
 #[derive(Debug)]
 pub struct Model(MjModel);
@@ -78,7 +100,7 @@ impl Model {
     /// MuJoCo's own words about what is wrong with the file.
     pub fn load(path: &Path) -> Result<Self, String> {
         keep_messages();
-        MjModel::from_xml(path).map(Self).map_err(|error| error.to_string().trim().to_owned())
+        MjModel::from_xml(path).map(Self).map_err(|error| message_of(&error))
     }
 
     /// Compiles a model that is text: MJCF without other files.
@@ -87,13 +109,34 @@ impl Model {
     /// MuJoCo's own words about what is wrong with it.
     pub fn parse(text: &str) -> Result<Self, String> {
         keep_messages();
-        MjModel::from_xml_string(text).map(Self).map_err(|error| error.to_string().trim().to_owned())
+        MjModel::from_xml_string(text).map(Self).map_err(|error| message_of(&error))
     }
 
     /// The number of the object of this name.
     pub fn id(&self, kind: ObjectKind, name: &str) -> Option<usize> {
-        // To MuJoCo a zero ends the name, and its wrapper panics there.
-        if name.contains('\0') { None } else { self.0.name_to_id(kind.to_mujoco(), name) }
+        // MuJoCo's names end at their first NUL, so none has one.
+        (!name.contains('\0')).then(|| self.0.name_to_id(kind.to_mujoco(), name))?
+    }
+
+    /// How many there are of what costs memory and time: name and number.
+    pub fn sizes(&self) -> [(&'static str, usize); 8] {
+        let sizes = self.0.ffi();
+        [
+            ("bodies", sizes.nbody),
+            ("degrees of freedom", sizes.nv),
+            ("geoms", sizes.ngeom),
+            ("sites", sizes.nsite),
+            ("tendons", sizes.ntendon),
+            ("actuators", sizes.nu),
+            ("equality constraints", sizes.neq),
+            ("sensors", sizes.nsensor),
+        ]
+        .map(|(name, number)| (name, number as usize))
+    }
+
+    /// Memory for contacts and constraints that each simulation reserves [B].
+    pub fn arena_bytes(&self) -> usize {
+        self.0.ffi().narena as usize
     }
 
     /// The total mass [kg].
@@ -335,11 +378,13 @@ impl Simulation {
         self.data.time()
     }
 
-    /// How far the model's loops are from closed: the largest error of an equality constraint [m, rad].
+    /// How far the model's loops are from closed: the largest error of an equality constraint [m, rad]; NaN if one is.
     pub fn loop_gap(&mut self) -> f64 {
         self.data.forward();
         let num_equalities = self.data.ne() as usize;
-        self.data.efc_pos().iter().take(num_equalities).fold(0.0, |largest, gap| largest.max(gap.abs()))
+        let gaps = self.data.efc_pos().iter().take(num_equalities).map(|gap| gap.abs());
+        // Not `max`: it passes over NaN.
+        gaps.fold(0.0, |largest: f64, gap| if gap <= largest || largest.is_nan() { largest } else { gap })
     }
 
     /// Whether MuJoCo has met a number it could not go on with, or has dropped contacts, since the last reset.

@@ -63,6 +63,36 @@ fn a_model_that_is_not_what_robot_toml_says_is_refused() {
 }
 
 #[test]
+fn a_loop_needs_something_that_holds_it() {
+    let freely =
+        "legs[1].knees[1] = \"back_left_knee_b\" is refused: nothing in the model holds this leg's loop closed";
+    let open = [("<connect name=\"back_left_loop\"", "<connect active=\"false\" name=\"back_left_loop\"")];
+    refused("open", &[], &open, freely);
+    // No number is no small distance either.
+    let nowhere = [("_left_lower_b\" pos=\"-0.084256798931", "_left_lower_b\" pos=\"inf")];
+    refused("nowhere", &[], &nowhere, "legs[0].");
+}
+
+#[test]
+fn a_robot_uses_what_lies_in_its_folder_and_changes_with_it() {
+    let include = [("<asset>", "<compiler meshdir=\"meshes\"/>\n<include file=\"parts/more.xml\"/>\n<asset>")];
+    let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("parts");
+    for part in ["parts", "meshes"] {
+        fs::create_dir_all(folder.join(part)).unwrap();
+    }
+    let load = |edge: &str| {
+        let mesh = format!("v 0 0 0\nv {edge} 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n");
+        fs::write(folder.join("meshes/corner.obj"), mesh).unwrap();
+        let more = "<mujoco><!-- more -- or less --><asset><mesh file=\"corner.obj\"/></asset></mujoco>";
+        fs::write(folder.join("parts/more.xml"), more).unwrap();
+        changed("parts", &[], &include).unwrap().fingerprint
+    };
+    let fingerprint = load("1");
+    assert_eq!(load("1"), fingerprint);
+    assert_ne!(load("2"), fingerprint);
+}
+
+#[test]
 fn the_motor_limits_hold_whatever_the_model_says() {
     let way = |name: &str, model: &[(&str, &str)]| {
         let robot = changed(name, &[("max_torque_nm = 4.2", "max_torque_nm = 1.0")], model).unwrap();

@@ -1,10 +1,10 @@
 //! Named arrays with one string of metadata: the safetensors container of policies and checkpoints.
 
 use std::collections::{BTreeMap, HashMap};
-use std::fs::File;
-use std::io::{self, Read};
+use std::io;
 use std::path::Path;
 
+use canter_sim::file;
 use safetensors::SafeTensors;
 use safetensors::tensor::{Dtype, TensorView};
 
@@ -19,17 +19,8 @@ const MAX_FILE_BYTES: u64 = 1 << 27;
 
 /// The content of a file, unless it is larger than any of ours.
 pub(crate) fn read_file(path: &Path) -> io::Result<Vec<u8>> {
-    let metadata = path.metadata()?;
-    // Opening a pipe would wait for its other end.
-    if !metadata.is_file() {
-        return Err(io::Error::new(io::ErrorKind::InvalidInput, "this is no file"));
-    }
-    let is_large = metadata.len() > MAX_FILE_BYTES;
-    let file = File::open(path)?;
-    let mut bytes = Vec::new();
-    // It may grow while it is read.
-    file.take(if is_large { 0 } else { MAX_FILE_BYTES }).read_to_end(&mut bytes)?;
-    if is_large || bytes.len() as u64 == MAX_FILE_BYTES {
+    let bytes = file::read(path, MAX_FILE_BYTES)?;
+    if bytes.len() as u64 > MAX_FILE_BYTES {
         let message = format!("it has more than {} MiB, no file of canter does", MAX_FILE_BYTES >> 20);
         return Err(io::Error::new(io::ErrorKind::FileTooLarge, message));
     }

@@ -1,6 +1,7 @@
 //! One module a command.
 
 pub mod compare;
+pub mod compile_model;
 pub mod config;
 pub mod eval;
 pub mod film;

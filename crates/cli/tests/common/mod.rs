@@ -4,7 +4,10 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
+use std::sync::mpsc;
+use std::thread;
+use std::time::Duration;
 
 /// A folder of this test alone, removed when dropped.
 pub struct TemporaryFolder(PathBuf);
@@ -24,6 +27,21 @@ impl TemporaryFolder {
 
     pub fn join(&self, name: &str) -> PathBuf {
         self.0.join(name)
+    }
+
+    /// Runs canter here and gives up on it after `limit_s`: `None`.
+    pub fn canter_within(&self, args: &[&str], limit_s: u64) -> Option<Finished> {
+        let child = canter_in(self.path(), args).spawn().unwrap();
+        let id = child.id();
+        let (sender, receiver) = mpsc::channel();
+        thread::spawn(move || sender.send(child.wait_with_output()));
+        match receiver.recv_timeout(Duration::from_secs(limit_s)) {
+            Ok(output) => Some(Finished::of(&output.unwrap())),
+            Err(_) => {
+                Command::new("kill").args(["-KILL", &id.to_string()]).status().unwrap();
+                None
+            }
+        }
     }
 
     /// Runs canter here.
@@ -111,6 +129,24 @@ pub fn train_args_with_steps<'a>(steps: &'a str, more: &[&'a str]) -> Vec<&'a st
     let place = args.iter().position(|arg| *arg == "--steps").unwrap();
     args[place + 1] = steps;
     args
+}
+
+/// Calls `check` for each case, two at a time, and reports all that it complains about.
+#[track_caller]
+pub fn for_each<T: Sync>(cases: &[T], check: impl Fn(&T) -> Result<(), String> + Sync) {
+    let next = AtomicUsize::new(0);
+    let work = || {
+        let mut complaints = Vec::new();
+        while let Some(case) = cases.get(next.fetch_add(1, Ordering::Relaxed)) {
+            complaints.extend(check(case).err());
+        }
+        complaints
+    };
+    let complaints = thread::scope(|scope| {
+        let other = scope.spawn(work);
+        [work(), other.join().unwrap()].concat()
+    });
+    assert!(complaints.is_empty(), "{} of {}:\n{}", complaints.len(), cases.len(), complaints.join("\n"));
 }
 
 /// Names of the files in a folder, sorted.

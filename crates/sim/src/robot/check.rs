@@ -18,11 +18,18 @@ pub(super) fn assemble(
     fingerprint: u64,
 ) -> Result<Robot, RobotError> {
     let mut problems = document.problems();
+    if let Some(message) = excess(&model) {
+        problems.at("model", message);
+        return Err(problems.into());
+    }
+    if !(model.total_mass_kg().is_finite() && model.total_mass_kg() > 0.0) {
+        problems.at("model", format!("the compiled model weighs {} kg", model.total_mass_kg()));
+    }
     let mut find = |kind: ObjectKind, key: &str, name: &str| {
         let id = model.id(kind, name);
         if id.is_none() {
             let kind = format!("{kind:?}").to_lowercase();
-            problems.at(key, format!("the model has no {kind} called `{name}`"));
+            problems.at(key, format!("the model has no {kind} called `{}`", name.escape_debug()));
         }
         id
     };
@@ -67,6 +74,14 @@ pub(super) fn assemble(
             problems.at(&format!("limits.{key}"), message);
         }
     }
+    for (i, leg) in settings.legs.iter().enumerate() {
+        if settings.legs[..i].iter().any(|earlier| earlier.name() == leg.name()) {
+            problems.at(&format!("legs[{i}].name"), "another leg has this name");
+        }
+    }
+    if settings.gaits.is_empty() {
+        problems.at("gaits", "expected one gait at least");
+    }
     if settings.legs.len() != 4 {
         problems.at("legs", format!("expected 4 legs, found {}", settings.legs.len()));
     }
@@ -107,16 +122,41 @@ fn is_file_stem(name: &str) -> bool {
     !name.is_empty() && name.chars().all(is_plain)
 }
 
+/// Most bodies, geoms and so on of a model: a hundred times what a legged robot has.
+const MAX_OBJECTS: usize = 5_000;
+
+/// Most memory that a simulation may reserve for contacts and constraints [B]; each environment has its own.
+const MAX_ARENA_BYTES: usize = 1 << 30;
+
+/// What the model has too much of, in words.
+pub(super) fn excess(model: &Model) -> Option<String> {
+    let too_many = model.sizes().into_iter().find(|&(_, number)| number > MAX_OBJECTS);
+    let message =
+        |(name, number)| format!("the compiled model has {number} {name}: expected at most {MAX_OBJECTS} of them");
+    let bytes = model.arena_bytes();
+    let too_large = || {
+        let message =
+            format!("the compiled model reserves {bytes} bytes a simulation: expected at most {MAX_ARENA_BYTES}");
+        (bytes > MAX_ARENA_BYTES).then_some(message)
+    };
+    too_many.map(message).or_else(too_large)
+}
+
 /// Checks that joints are hinges, feet spheres, the floor level, and that no leg uses another's parts.
 fn check_kinds(model: &Model, floor: Option<usize>, legs: &[LegAddresses], problems: &mut Problems) {
     if floor.is_some_and(|floor| !model.is_level_ground(floor)) {
         problems.at("floor", "expected a plane at z = 0 of the world; slopes are a setting of the task");
     }
-    let (mut joints, mut actuators) = (Vec::new(), Vec::new());
+    let (mut feet, mut joints, mut actuators) = (Vec::new(), Vec::new(), Vec::new());
     for (i, leg) in legs.iter().enumerate() {
+        let place = format!("legs[{i}].foot");
         if !model.is_sphere(leg.foot) {
-            problems.at(&format!("legs[{i}].foot"), "expected a sphere, whose centre is the foot");
+            problems.at(&place, "expected a sphere, whose centre is the foot");
         }
+        if feet.contains(&leg.foot) {
+            problems.at(&place, "this geom is named already");
+        }
+        feet.push(leg.foot);
         for (key, pair) in [("motors", leg.motor_joints), ("knees", leg.knee_joints)] {
             for (j, joint) in pair.into_iter().enumerate() {
                 let place = format!("legs[{i}].{key}[{j}]");
@@ -144,16 +184,20 @@ const PROBES: [(f32, f32); 4] = [(0.0, 0.0), (0.3, 0.0), (0.0, 0.2), (-0.2, -0.2
 /// How far foot and loops may be from where the kinematics have them [m].
 const KINEMATICS_TOLERANCE_M: f64 = 1e-3;
 
-/// Checks that the model's feet are where the link lengths put them, and that its loops are closed there.
+/// How far a knee is turned to see whether the loop holds it [rad]: far more than rounding for any length of link.
+const KNEE_PROBE_RAD: f64 = 0.5;
+
+/// Checks that the model's feet are where the link lengths put them, that its loops are closed there, and that something
+/// holds them closed.
 fn check_kinematics(robot: &Robot, problems: &mut Problems) {
     let mut simulation = Simulation::new(&robot.model);
     for (i, (leg, address)) in robot.legs.iter().zip(&robot.leg_addresses).enumerate() {
         let mut feet = Vec::new();
-        let mut gap = 0.0_f64;
+        let mut has_gap = false;
         for (swing, extension) in PROBES {
             let position = leg.limits.clamp(LegPosition { swing, extension });
             place_leg(&mut simulation, robot, i, position);
-            gap = gap.max(simulation.loop_gap());
+            has_gap |= is_off(simulation.loop_gap());
             let foot = simulation.geom_positions_in_world()[address.foot];
             let expected = leg.geometry.forward(position);
             feet.push((foot, expected));
@@ -163,16 +207,32 @@ fn check_kinematics(robot: &Robot, problems: &mut Problems) {
         let far = feet.iter().any(|(foot, expected)| {
             let forward = f64::from(expected.forward_m - standing_expected.forward_m);
             let down = f64::from(expected.down_m - standing_expected.down_m);
-            let error = (foot[0] - standing[0] - forward).hypot(foot[2] - standing[2] + down);
-            error > KINEMATICS_TOLERANCE_M
+            is_off((foot[0] - standing[0] - forward).hypot(foot[2] - standing[2] + down))
         });
+        if simulation.is_unstable() {
+            let message = "MuJoCo drops contacts or constraints of the standing pose; raise <size memory>, or let fewer parts \
+                           touch each other";
+            problems.at("model", message);
+            return;
+        }
+        simulation.qpos_mut()[address.knees[1]] += KNEE_PROBE_RAD;
+        let is_held = is_off(simulation.loop_gap());
+        place_leg(&mut simulation, robot, i, LegPosition::default());
         let key = format!("legs[{i}].upper_link_m");
         if far {
             problems.at(&key, "the model's foot does not move as link lengths, stance height and motors say");
-        } else if gap > KINEMATICS_TOLERANCE_M {
+        } else if has_gap {
             problems.at(&key, "the model's loop does not close where link lengths, stance height and knees say");
+        } else if !is_held {
+            let message = "nothing in the model holds this leg's loop closed: the second knee turns freely";
+            problems.at(&format!("legs[{i}].knees[1]"), message);
         }
     }
+}
+
+/// Whether a distance [m] is more than rounding, or no number.
+fn is_off(distance: f64) -> bool {
+    distance.is_nan() || distance > KINEMATICS_TOLERANCE_M
 }
 
 /// The leg as the controller sees it.
@@ -189,7 +249,8 @@ fn controller_leg(
     }
     let five_bar = FiveBar::new(leg.upper_link_m as f32, leg.lower_link_m as f32, settings.stance_height_m as f32);
     if five_bar.is_none() {
-        let message = format!("links of these lengths cannot stand at stance_height_m = {}", settings.stance_height_m);
+        let message =
+            format!("links of these lengths cannot stand at stance_height_m = {:?}", settings.stance_height_m);
         problems.at(&format!("legs[{index}].upper_link_m"), message);
     }
     let limits = &settings.limits;

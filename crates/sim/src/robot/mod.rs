@@ -1,19 +1,26 @@
 //! A robot as data: `robot.toml` and its MJCF, checked against each other and compiled once.
+//!
+//! A robot of the user's passes four doors, each with its own words: the settings are read, the model's files are
+//! screened ([`ModelProblems`]), the guard tries to compile them ([`set_model_guard`]), and the compiled model is held
+//! against the settings. Its files may use nothing outside the folder of `robot.toml`.
 
 mod check;
+mod screen;
 mod settings;
+mod xml;
 
-use std::fs::File;
-use std::io::Read;
 use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
 
 use canter_gait::Leg;
 use canter_gait::prior::LegGait;
 
+use crate::file;
 use crate::motor::Motor;
-use crate::mujoco::Model;
-use crate::settings::{Document, Problems};
+use crate::mujoco::{Model, Simulation};
+use crate::settings::{Document, MAX_FILE_BYTES, Problems};
 
+pub use screen::ModelProblems;
 pub use settings::{
     Actuated, FiveBarSettings, Footfall, GaitSettings, LegSettings, LimitSettings, MotorSettings, RobotSettings,
     SineSettings, SteppingSettings,
@@ -63,7 +70,7 @@ pub struct Robot {
     pub legs: Vec<Leg>,
     /// The gaits of `robot.toml`.
     pub gaits: Vec<NamedGait>,
-    /// Changes whenever `robot.toml` or the model's file does.
+    /// Changes whenever `robot.toml`, the model's file or a file that it uses does.
     pub fingerprint: u64,
     pub(crate) leg_addresses: Vec<LegAddresses>,
     /// The ground geom.
@@ -94,6 +101,9 @@ pub enum RobotError {
     /// `robot.toml` is wrong.
     #[error(transparent)]
     Settings(#[from] Problems),
+    /// The model's files are wrong, or ask for too much.
+    #[error(transparent)]
+    Files(#[from] ModelProblems),
     /// MuJoCo refuses the model.
     #[error("{path}: MuJoCo cannot load this model: {message}")]
     Model {
@@ -103,9 +113,6 @@ pub enum RobotError {
         message: String,
     },
 }
-
-/// More of a robot's file is not read: no description has as much, but a device that never ends has [bytes].
-const MAX_FILE_BYTES: u64 = 1 << 26;
 
 /// A robot that comes with canter.
 struct BuiltIn {
@@ -148,24 +155,28 @@ impl Robot {
         let settings = document.read::<RobotSettings>()?;
         let path = format!("robots/{name_or_path}/{}", settings.model);
         let model = Model::parse(robot.model).map_err(|message| RobotError::Model { path, message })?;
-        let fingerprint = fingerprint(&[robot.settings.as_bytes(), robot.model.as_bytes()]);
-        check::assemble(&document, settings, model, fingerprint)
+        let mut fingerprint = Fingerprint::new();
+        fingerprint.add(robot.settings.as_bytes());
+        fingerprint.add(robot.model.as_bytes());
+        check::assemble(&document, settings, model, fingerprint.0)
     }
 
     fn from_file(path: &Path) -> Result<Self, RobotError> {
-        let read = |path: &Path| {
-            let mut bytes = Vec::new();
-            let result = File::open(path).and_then(|file| file.take(MAX_FILE_BYTES).read_to_end(&mut bytes));
-            result.map(|_| bytes).map_err(|source| RobotError::Unreadable { path: path.to_owned(), source })
-        };
-        let bytes = read(path)?;
+        let bytes = file::read(path, MAX_FILE_BYTES as u64)
+            .map_err(|source| RobotError::Unreadable { path: path.to_owned(), source })?;
         let document = Document::parse(&path.display().to_string(), &bytes)?;
         let settings = document.read::<RobotSettings>()?;
+        let mut fingerprint = Fingerprint::new();
+        fingerprint.add(&bytes);
         let model_path = path.with_file_name(&settings.model);
-        let model_bytes = read(&model_path)?;
-        let model = Model::load(&model_path)
-            .map_err(|message| RobotError::Model { path: model_path.display().to_string(), message })?;
-        check::assemble(&document, settings, model, fingerprint(&[&bytes, &model_bytes]))
+        let folder = path.parent().unwrap_or(Path::new(""));
+        screen::screen(folder, &model_path, &mut fingerprint)?;
+        let refused = |message| RobotError::Model { path: model_path.display().to_string(), message };
+        if let Some(guard) = MODEL_GUARD.get() {
+            guard(&model_path).map_err(refused)?;
+        }
+        let model = Model::load(&model_path).map_err(refused)?;
+        check::assemble(&document, settings, model, fingerprint.0)
     }
 
     /// The gait of this name.
@@ -185,14 +196,47 @@ impl Robot {
     }
 }
 
-/// 64-bit FNV-1a over the files, each followed by its length: tells versions of a robot apart, no protection against
-/// intent. Files that the model includes are not read.
-fn fingerprint(files: &[&[u8]]) -> u64 {
-    const OFFSET_BASIS: u64 = 0xcbf2_9ce4_8422_2325;
-    const PRIME: u64 = 0x0000_0100_0000_01b3;
-    let step = |hash: u64, byte: &u8| (hash ^ u64::from(*byte)).wrapping_mul(PRIME);
-    files.iter().fold(OFFSET_BASIS, |hash, file| {
+/// Tries a user's model, given the path of its file, before this process compiles it. An error is in words that follow
+/// "MuJoCo cannot load this model:".
+pub type ModelGuard = fn(&Path) -> Result<(), String>;
+
+static MODEL_GUARD: OnceLock<ModelGuard> = OnceLock::new();
+
+/// Has every user's model tried by `guard` from now on; a second call changes nothing.
+///
+/// MuJoCo compiles whatever a file asks for: it may take minutes and gigabytes, or crash. A program that must survive
+/// that gives a guard which calls [`try_model`] in a process with limits. Without a guard models are compiled directly.
+pub fn set_model_guard(guard: ModelGuard) {
+    // The first guard stays.
+    let _ = MODEL_GUARD.set(guard);
+}
+
+/// Compiles a model and takes one physics step: what a guard does in a process that may come to grief.
+///
+/// # Errors
+/// MuJoCo's own words about what is wrong with the file, or ours about what is too large.
+pub fn try_model(path: &Path) -> Result<(), String> {
+    let model = Model::load(path)?;
+    if let Some(message) = check::excess(&model) {
+        return Err(message);
+    }
+    Simulation::new(&model).step();
+    Ok(())
+}
+
+/// 64-bit FNV-1a over files, each followed by its length: tells versions of a robot apart, no protection against intent.
+struct Fingerprint(u64);
+
+impl Fingerprint {
+    fn new() -> Self {
+        const OFFSET_BASIS: u64 = 0xcbf2_9ce4_8422_2325;
+        Self(OFFSET_BASIS)
+    }
+
+    fn add(&mut self, file: &[u8]) {
+        const PRIME: u64 = 0x0000_0100_0000_01b3;
         let length = (file.len() as u64).to_le_bytes();
-        file.iter().chain(&length).fold(hash, step)
-    })
+        let step = |hash: u64, byte: &u8| (hash ^ u64::from(*byte)).wrapping_mul(PRIME);
+        self.0 = file.iter().chain(&length).fold(self.0, step);
+    }
 }

@@ -1,7 +1,5 @@
 //! A settings file: parsed, overridden, then read as a settings struct.
 
-use std::fs::File;
-use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -12,9 +10,10 @@ use super::problems::{Place, Problem, ProblemKind, Problems};
 use super::setting::{Node, Setting};
 use super::tree::{Converter, Item, MAX_DEPTH, Source, Tree, parse_path};
 use super::write::quote;
+use crate::file;
 
 /// A settings file of more bytes is a mistake: the largest preset has a few kilobytes.
-const MAX_FILE_BYTES: usize = 1 << 20;
+pub(crate) const MAX_FILE_BYTES: usize = 1 << 20;
 
 /// A parsed TOML file, whose values can be overridden before it is read as a settings struct.
 #[derive(Debug, Clone)]
@@ -34,11 +33,8 @@ impl Document {
     /// As [`Document::parse`], or the file cannot be read.
     pub fn load(path: &Path) -> Result<Self, Problems> {
         let name = path.display().to_string();
-        // One byte more than allowed is enough for `parse` to see that the file is too large.
-        let mut bytes = Vec::new();
-        let result = File::open(path).and_then(|file| file.take(MAX_FILE_BYTES as u64 + 1).read_to_end(&mut bytes));
-        match result {
-            Ok(_) => Ok(Self { path: Some(path.to_owned()), ..Self::parse(&name, &bytes)? }),
+        match file::read(path, MAX_FILE_BYTES as u64) {
+            Ok(bytes) => Ok(Self { path: Some(path.to_owned()), ..Self::parse(&name, &bytes)? }),
             Err(error) => Err(whole_file(&name, ProblemKind::Unreadable, error.to_string())),
         }
     }

@@ -44,6 +44,7 @@ mod write;
 mod tests;
 
 pub use document::Document;
+pub(crate) use document::MAX_FILE_BYTES;
 pub use limits::{Limits, above};
 pub use problems::{Place, Problem, ProblemKind, Problems};
 pub use setting::{Node, Setting};

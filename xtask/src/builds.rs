@@ -93,11 +93,17 @@ pub fn test_reliability(root: &Path) -> Result<(), Failure> {
         ("CANTER_FUZZ_INPUTS", "1000000"),
         ("CANTER_MUTATED_MODELS", "10000"),
     ];
-    const TESTS: [(&str, &str); 4] =
-        [("canter", "reliability"), ("canter", "robot_files"), ("canter-train", "fuzz"), ("canter-report", "fuzz")];
-    for (package, test) in TESTS {
+    // Package, kind of target, its name; the command line's parser is a part of the program.
+    const TESTS: [[&str; 3]; 5] = [
+        ["canter", "--test", "reliability"],
+        ["canter", "--test", "mutated_models"],
+        ["canter", "--bin", "canter"],
+        ["canter-train", "--test", "fuzz"],
+        ["canter-report", "--test", "fuzz"],
+    ];
+    for [package, kind, name] in TESTS {
         let mut cargo = cargo(root, "test");
-        cargo.args(["--release", "--package", package, "--test", test, "--"]);
+        cargo.args(["--release", "--package", package, kind, name, "--"]);
         cargo.args(["--include-ignored", "--nocapture", "--test-threads=1"]).envs(FULL);
         passed(cargo.status().map_err(cannot_start_cargo)?)?;
     }

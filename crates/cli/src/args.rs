@@ -77,7 +77,7 @@ pub struct TrainArgs {
     /// Override one value of the preset; may be given several times
     #[arg(long = "set", value_name = "KEY=VALUE", value_parser = key_value)]
     pub overrides: Vec<(String, String)>,
-    /// Form of what is printed; the files are the same
+    /// Form of what is printed: sentences, or one JSON object a line
     #[arg(long, value_name = "FORMAT", default_value = "text")]
     pub log_format: LogFormat,
 }
@@ -89,7 +89,7 @@ pub struct ResumeArgs {
     /// Worker threads; as many as there are cores if not given
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub threads: Option<u16>,
-    /// Form of what is printed; the files are the same
+    /// Form of what is printed: sentences, or one JSON object a line
     #[arg(long, value_name = "FORMAT", default_value = "text")]
     pub log_format: LogFormat,
 }
@@ -180,7 +180,7 @@ pub struct CompareArgs {
     /// Jobs side by side, each on one thread; as many as there are cores if not given
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub threads: Option<u16>,
-    /// Form of what is printed; the files are the same
+    /// Form of what is printed: sentences, or one JSON object a line
     #[arg(long, value_name = "FORMAT", default_value = "text")]
     pub log_format: LogFormat,
 }

@@ -6,12 +6,11 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use clap::ValueEnum;
 use serde_json::{Value, json};
 
-/// How a command tells what it does.
+/// How a command tells what it does: in sentences for a person, or as one JSON object a line for a program.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum LogFormat {
-    /// Sentences for a person
+    // Doc comments here would double the length of every help that has the option.
     Text,
-    /// One JSON object a line for a program
     Json,
 }
 

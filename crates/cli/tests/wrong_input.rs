@@ -277,6 +277,8 @@ fn runs_without_policy_or_checkpoint() {
     let message = "run: no policy yet, the training has not ended; `canter resume run` goes on with it";
     assert_refused_in(&folder, &["eval", "run"], message);
     assert_refused_in(&folder, &["film", "run"], message);
+    // Something was done here, and somebody has removed what it could go on from.
+    fs::write(folder.join("run/metrics.jsonl"), "").unwrap();
     assert_refused_in(&folder, &["resume", "run"], "run/checkpoints: no checkpoint to go on from: there is none");
 }
 

@@ -144,6 +144,11 @@ impl Checkpoint {
         let parts = states.chunks_exact(state_len).zip(episodes.chunks_exact(2));
         let targets = trainer.environments.iter_mut().zip(&mut trainer.collectors);
         for ((environment, collector), (state, episode)) in targets.zip(parts) {
+            // The number of the next episode, and the env steps of the present one.
+            if !is_count(state[0]) || !is_count(episode[1]) {
+                let message = "it counts episodes or env steps that no environment comes to".to_owned();
+                return Err(CheckpointError::Mismatch(message));
+            }
             let mut observation = vec![0.0; num_observations];
             environment.set_state(state, &mut observation).map_err(CheckpointError::Mismatch)?;
             let [episode_return, episode_length] = [episode[0], episode[1]];
@@ -158,4 +163,9 @@ impl Checkpoint {
         };
         Ok(())
     }
+}
+
+/// Whether a number of a file can be a count.
+fn is_count(number: f64) -> bool {
+    number.fract() == 0.0 && (0.0..=LARGEST_COUNT as f64).contains(&number)
 }

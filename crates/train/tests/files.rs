@@ -254,6 +254,19 @@ fn a_checkpoint_that_counts_more_than_can_be_is_refused() {
         let error = Checkpoint::from_bytes(&changed.to_bytes()).unwrap_err();
         assert_eq!(error.to_string(), "it counts more than any training comes to", "{key}");
     }
+    // Each environment's own counts: the next episode, and the env steps of the present one.
+    for (name, place) in [("environments.state", 0), ("environments.episode", 1)] {
+        for wrong in [1e300, -1.0, 0.5] {
+            let shape = file.shape(name).unwrap().to_vec();
+            let mut values = file.get::<f64>(name, &shape).unwrap();
+            values[shape[1] + place] = wrong;
+            let mut changed = file.clone();
+            changed.push(name, &shape, &values);
+            let checkpoint = Checkpoint::from_bytes(&changed.to_bytes()).unwrap();
+            let error = checkpoint.restore(&mut Trainer::new(common::tiny(&[]))).unwrap_err().to_string();
+            assert_eq!(error, "it counts episodes or env steps that no environment comes to", "{name}: {wrong}");
+        }
+    }
 }
 
 #[test]

@@ -7,6 +7,7 @@ mod equations;
 mod full;
 mod layering;
 mod mujoco;
+mod robots;
 mod source;
 
 use std::env;
@@ -29,6 +30,7 @@ Tasks:
                        10,000 mutated models, half an hour of faults; some two hours, as root
   layering             check which crate uses which, which may print, and that gait uses no std
   equations [--check]  write docs/equations.md from the doc comments; --check fails when the file is out of date
+  robots [--check]     write the robots in robots/ that are made from a few numbers
   no-std               prove by a build that gait needs no standard library
 ";
 
@@ -106,6 +108,10 @@ fn run(task: Option<OsString>, arguments: &[OsString]) -> Result<(), Failure> {
         "equations" => {
             let [check] = flags(&task, arguments, &["--check"])?;
             if check { equations::check(&root) } else { equations::write(&root) }
+        }
+        "robots" => {
+            let [check] = flags(&task, arguments, &["--check"])?;
+            robots::write(&root, check)
         }
         "no-std" => {
             flags(&task, arguments, &[])?;

@@ -191,8 +191,11 @@ const SETTINGS: &[(Change, &str)] = &[
         Settings("name = \"back_left\"", "name = \"front_left\""),
         "legs[1].name = \"front_left\" is refused: another leg has this name",
     ),
-    (Files(|robot| change(robot, "robot.toml", without_the_first_leg)), "expected 4 legs, found 3"),
-    (Files(|robot| change(robot, "robot.toml", twice_the_first_leg)), "expected 4 legs, found 5"),
+    (Files(|robot| change(robot, "robot.toml", without_the_first_leg)), "for 3 legs there are `custom`"),
+    (
+        Files(|robot| change(robot, "robot.toml", twice_the_first_leg)),
+        "legs[1].foot = \"front_left_foot\" is refused: this geom is named already",
+    ),
     (Settings("kind = \"stepping\"", "kind = \"steping\""), "did you mean \"stepping\"?"),
     (Settings("footfall = \"trot\"", "footfall = \"trott\""), "gaits[0].footfall = \"trott\" is not a known choice"),
     (

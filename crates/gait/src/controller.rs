@@ -116,7 +116,9 @@ impl<'a> Controller<'a> {
         {
             let position = match self.law.modulation {
                 // One radian of motor angle for an action of 1, as eq. 4 has for amplitudes.
-                Modulation::Direct => leg.motors.invert([component(action, 2 * i), component(action, 2 * i + 1)]),
+                Modulation::Direct => {
+                    leg.geometry.leg_position([component(action, 2 * i), component(action, 2 * i + 1)])
+                }
                 Modulation::Amplitude | Modulation::LegAmplitude | Modulation::Modulate => {
                     leg_gait.position(phase, &self.law.leg_parameters(leg_gait, i, action))
                 }
@@ -155,7 +157,7 @@ impl<'a> Controller<'a> {
 /// Limits a leg position and writes its two actuator targets.
 #[inline]
 fn command(leg: &Leg, position: LegPosition, target: &mut [f32]) {
-    let values = leg.actuators.apply(leg.limits.clamp(position));
+    let values = leg.targets(leg.limits.clamp(position));
     for (to, from) in target.iter_mut().zip(values) {
         *to = from;
     }
@@ -165,7 +167,7 @@ fn command(leg: &Leg, position: LegPosition, target: &mut [f32]) {
 mod tests {
     use super::*;
     use crate::action::{ParameterRanges, Range};
-    use crate::kinematics::{FiveBar, LegGeometry, LegLimits, LinearMap};
+    use crate::kinematics::{Actuators, FiveBar, LegGeometry, LegLimits};
     use crate::network::NetworkShape;
     use crate::prior::{LegGait, LegParameters, SineWave, Waveform};
 
@@ -180,9 +182,8 @@ mod tests {
 
     fn leg() -> Leg {
         Leg {
-            geometry: LegGeometry::FiveBar(FiveBar::new(0.09, 0.162, 0.17).unwrap()),
-            motors: LinearMap::five_bar_motors(),
-            actuators: LinearMap::identity(),
+            geometry: LegGeometry::FiveBar(FiveBar::new(0.09, 0.162, 0.0, 0.17).unwrap()),
+            actuators: Actuators::LegSpace,
             limits: LegLimits { swing: [-1.2, 1.2], extension: [-0.5, 0.5] },
         }
     }

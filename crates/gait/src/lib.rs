@@ -27,7 +27,9 @@ pub mod tanh;
 
 pub use action::{ActionLaw, Modulation, ParameterRanges, Range};
 pub use controller::{Controller, Policy, Workspace};
-pub use kinematics::{FiveBar, FootPosition, Leg, LegGeometry, LegLimits, LegPosition, LinearMap};
+pub use kinematics::{
+    Actuators, FiveBar, FootPosition, JointConvention, Leg, LegGeometry, LegLimits, LegPosition, SerialLeg,
+};
 pub use mirror::Mirror;
 pub use network::{Network, NetworkShape};
 pub use normaliser::Normaliser;

@@ -8,11 +8,14 @@ use crate::phase::wrap_cycles;
 
 /// The shape of a leg's motion over one cycle.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[expect(clippy::large_enum_variant, reason = "there is no heap to put a table on")]
 pub enum Waveform {
     /// Two sines, the paper's eq. 4.
     Sine(SineWave),
     /// The foot trajectory of Doggo's firmware.
     Stepping(Stepping),
+    /// Positions at equal distances over the cycle: whatever a robot's owner has recorded.
+    Table(Table),
 }
 
 impl Waveform {
@@ -22,6 +25,7 @@ impl Waveform {
         match self {
             Self::Sine(sine) => sine.at(phase),
             Self::Stepping(stepping) => stepping.at(phase),
+            Self::Table(table) => table.at(phase),
         }
     }
 }
@@ -117,10 +121,7 @@ impl Stepping {
             low = LegPosition { swing: low.swing.min(leg.swing), extension: low.extension.min(leg.extension) };
             high = LegPosition { swing: high.swing.max(leg.swing), extension: high.extension.max(leg.extension) };
         }
-        let centre =
-            LegPosition { swing: 0.5 * (low.swing + high.swing), extension: 0.5 * (low.extension + high.extension) };
-        let half_range =
-            LegPosition { swing: 0.5 * (high.swing - low.swing), extension: 0.5 * (high.extension - low.extension) };
+        let (centre, half_range) = middle_and_half(low, high);
         let moves = half_range.swing > 0.0 && half_range.extension > 0.0;
         moves.then_some(Self { parameters, geometry, centre, half_range })
     }
@@ -147,6 +148,82 @@ impl Stepping {
         LegPosition {
             swing: (leg.swing - self.centre.swing) / self.half_range.swing,
             extension: (leg.extension - self.centre.extension) / self.half_range.extension,
+        }
+    }
+}
+
+/// The middle between two corners of leg space, and half the way between them.
+fn middle_and_half(low: LegPosition, high: LegPosition) -> (LegPosition, LegPosition) {
+    let middle =
+        LegPosition { swing: 0.5 * (low.swing + high.swing), extension: 0.5 * (low.extension + high.extension) };
+    let half = LegPosition { swing: 0.5 * (high.swing - low.swing), extension: 0.5 * (high.extension - low.extension) };
+    (middle, half)
+}
+
+/// Points of a [`Table`]: a cycle of 0.64 s at 100 Hz.
+pub const TABLE_POINTS: usize = 64;
+
+/// A leg's positions at equal distances over one cycle, straight lines between them.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Table {
+    /// Moved and scaled into [-1, 1].
+    wave: [LegPosition; TABLE_POINTS],
+    centre: LegPosition,
+    half_range: LegPosition,
+}
+
+impl Table {
+    /// A table of these positions, the first at phase 0; `None` if one is not finite.
+    pub fn new(positions: &[LegPosition; TABLE_POINTS]) -> Option<Self> {
+        let mut low = LegPosition { swing: f32::INFINITY, extension: f32::INFINITY };
+        let mut high = LegPosition { swing: f32::NEG_INFINITY, extension: f32::NEG_INFINITY };
+        for leg in positions {
+            if !(leg.swing.is_finite() && leg.extension.is_finite()) {
+                return None;
+            }
+            low = LegPosition { swing: low.swing.min(leg.swing), extension: low.extension.min(leg.extension) };
+            high = LegPosition { swing: high.swing.max(leg.swing), extension: high.extension.max(leg.extension) };
+        }
+        let (centre, half_range) = middle_and_half(low, high);
+        // A coordinate that does not move has no wave.
+        let scaled = |value: f32, half: f32| if half > 0.0 { value / half } else { 0.0 };
+        let wave = positions.map(|leg| LegPosition {
+            swing: scaled(leg.swing - centre.swing, half_range.swing),
+            extension: scaled(leg.extension - centre.extension, half_range.extension),
+        });
+        Some(Self { wave, centre, half_range })
+    }
+
+    /// The points, each coordinate in [-1, 1].
+    pub fn wave(&self) -> &[LegPosition; TABLE_POINTS] {
+        &self.wave
+    }
+
+    /// The parameters with which [`LegGait::position`] gives the positions back.
+    pub fn defaults(&self) -> LegParameters {
+        LegParameters {
+            swing_amplitude: self.half_range.swing,
+            extension_amplitude: self.half_range.extension,
+            swing_offset: self.centre.swing,
+            extension_offset: self.centre.extension,
+        }
+    }
+
+    /// The wave at a leg's `phase` [cycles, in [0, 1)].
+    ///
+    /// ```text
+    /// wave = (1 - u) wave_i + u wave_(i+1),  i + u = n phase
+    /// ```
+    ///
+    /// Source: linear interpolation.
+    fn at(&self, phase: f32) -> LegPosition {
+        let place = phase * TABLE_POINTS as f32;
+        let index = place as usize % TABLE_POINTS;
+        let u = place - libm::floorf(place);
+        let (from, to) = (self.wave[index], self.wave[(index + 1) % TABLE_POINTS]);
+        LegPosition {
+            swing: from.swing + u * (to.swing - from.swing),
+            extension: from.extension + u * (to.extension - from.extension),
         }
     }
 }
@@ -208,7 +285,7 @@ mod tests {
     use crate::kinematics::FiveBar;
 
     fn geometry() -> LegGeometry {
-        LegGeometry::FiveBar(FiveBar::new(0.09, 0.162, 0.17).unwrap())
+        LegGeometry::FiveBar(FiveBar::new(0.09, 0.162, 0.0, 0.17).unwrap())
     }
 
     const FIRMWARE_TROT: SteppingParameters = SteppingParameters {
@@ -268,6 +345,28 @@ mod tests {
                 assert!(wave.swing.abs() < 1.001 && wave.extension.abs() < 1.001);
             }
         }
+    }
+
+    #[test]
+    fn a_table_gives_back_what_it_was_made_of() {
+        let stepping = Stepping::new(FIRMWARE_TROT, geometry()).unwrap();
+        let leg = LegGait { waveform: Waveform::Stepping(stepping), phase_offset: 0.0, defaults: stepping.defaults() };
+        let positions: [LegPosition; TABLE_POINTS] =
+            core::array::from_fn(|i| leg.position(i as f32 / TABLE_POINTS as f32, &leg.defaults));
+        let table = Table::new(&positions).unwrap();
+        let recorded = LegGait { waveform: Waveform::Table(table), phase_offset: 0.0, defaults: table.defaults() };
+        for (i, expected) in positions.iter().enumerate() {
+            let actual = recorded.position(i as f32 / TABLE_POINTS as f32, &recorded.defaults);
+            assert!(
+                (actual.swing - expected.swing).abs() < 1e-5 && (actual.extension - expected.extension).abs() < 1e-5
+            );
+        }
+        // Between two points it is between their positions; after the last comes the first.
+        let between = recorded.position(63.5 / 64.0, &recorded.defaults);
+        assert!((between.swing - 0.5 * (positions[63].swing + positions[0].swing)).abs() < 1e-5);
+        let still = Table::new(&[LegPosition { swing: 0.1, extension: 0.2 }; TABLE_POINTS]).unwrap();
+        assert_eq!(still.at(0.3), LegPosition::default());
+        assert_eq!(Table::new(&[LegPosition { swing: f32::NAN, extension: 0.0 }; TABLE_POINTS]), None);
     }
 
     #[test]

@@ -57,7 +57,7 @@ struct Sensed {
     angular_velocity_in_body: [f32; 3],
 }
 
-/// `(M)` working memory of a step.
+/// Working memory of a step, for each motor of the robot.
 #[derive(Debug)]
 struct Buffers {
     torques: Vec<f64>,
@@ -98,7 +98,10 @@ impl Env {
                 orientation: [0.0; 3],
                 angular_velocity_in_body: [0.0; 3],
             },
-            buffers: Buffers { torques: vec![0.0; num_motors], velocities: vec![0.0; num_motors] },
+            buffers: Buffers {
+                torques: vec![0.0; task.robot.motor_joints().count()],
+                velocities: vec![0.0; task.robot.motor_joints().count()],
+            },
             task,
         }
     }
@@ -140,7 +143,7 @@ impl Env {
         for (i, leg) in robot.legs.iter().enumerate() {
             let position =
                 leg.limits.clamp(LegPosition { swing: noise(uniform) as f32, extension: noise(uniform) as f32 });
-            let [first, second] = leg.actuators.apply(position);
+            let [first, second] = leg.targets(position);
             for command in &mut self.commands {
                 command[2 * i] = first;
                 command[2 * i + 1] = second;
@@ -253,20 +256,19 @@ impl Env {
                 }
             }
         }
+        for held in &robot.held {
+            self.simulation.ctrl_mut()[held.actuator] = held.target;
+        }
         let mut work_j = 0.0;
         for _ in 0..self.task.num_substeps {
-            for (i, address) in robot.leg_addresses.iter().enumerate() {
-                for (j, (joint, (_, dof))) in address.motor_joints.into_iter().zip(address.motors).enumerate() {
-                    let velocity = self.simulation.qvel()[dof];
-                    self.buffers.velocities[2 * i + j] = velocity;
-                    self.simulation.set_torque_range(joint, motor.torque_range_nm(velocity));
-                }
+            for ((joint, dof), stored) in robot.motor_joints().zip(&mut self.buffers.velocities) {
+                let velocity = self.simulation.qvel()[dof];
+                *stored = velocity;
+                self.simulation.set_torque_range(joint, motor.torque_range_nm(velocity));
             }
             self.simulation.step();
-            for (i, address) in robot.leg_addresses.iter().enumerate() {
-                for (j, (_, dof)) in address.motors.into_iter().enumerate() {
-                    self.buffers.torques[2 * i + j] = self.simulation.actuator_torques()[dof];
-                }
+            for ((_, dof), torque) in robot.motor_joints().zip(&mut self.buffers.torques) {
+                *torque = self.simulation.actuator_torques()[dof];
             }
             work_j +=
                 mechanical_work_j(&self.buffers.torques, &self.buffers.velocities, self.task.settings.physics_dt_s);
@@ -286,10 +288,12 @@ impl Env {
         }
         let robot = &self.task.robot;
         let (qpos, qvel) = (self.simulation.qpos(), self.simulation.qvel());
-        let reference = robot.model.reference_position();
-        for (i, (position, velocity)) in robot.leg_addresses.iter().flat_map(|leg| leg.motors).enumerate() {
-            self.sensed.motor_angles[i] = (qpos[position] - reference[position]) as f32;
-            self.sensed.motor_velocities[i] = qvel[velocity] as f32;
+        let standing = robot.model.standing_position();
+        let motors = robot.leg_addresses.iter().flat_map(|leg| leg.motors.into_iter().zip(leg.conventions));
+        for (i, ((position, velocity), convention)) in motors.enumerate() {
+            let sign = f64::from(convention.sign);
+            self.sensed.motor_angles[i] = (sign * (qpos[position] - standing[position])) as f32;
+            self.sensed.motor_velocities[i] = (sign * qvel[velocity]) as f32;
         }
         let (_, root_velocity) = robot.root;
         // MuJoCo gives a free joint's angular velocity in the body's own frame.
@@ -346,7 +350,7 @@ impl Env {
         let commands = self.commands.front().map_or(&[][..], |command| command);
         let angles = self.sensed.motor_angles.chunks_exact(2);
         self.task.robot.legs.iter().zip(commands.chunks_exact(2)).zip(angles).map(|((leg, command), angles)| {
-            (leg.actuators.invert([command[0], command[1]]), leg.motors.invert([angles[0], angles[1]]))
+            (leg.position_at([command[0], command[1]]), leg.geometry.leg_position([angles[0], angles[1]]))
         })
     }
 
@@ -525,18 +529,16 @@ impl Env {
 /// Puts a leg's joints where its position in leg space has them, the loop closed.
 pub(crate) fn place_leg(simulation: &mut Simulation, robot: &Robot, index: usize, position: LegPosition) {
     let (leg, address) = (&robot.legs[index], &robot.leg_addresses[index]);
-    let reference = robot.model.reference_position();
-    let angles = leg.motors.apply(position);
-    for (angle, (place, _)) in angles.into_iter().zip(address.motors) {
-        simulation.qpos_mut()[place] = reference[place] + f64::from(angle);
+    let standing = robot.model.standing_position();
+    for ((angle, (place, _)), convention) in
+        leg.geometry.motor_angles(position).into_iter().zip(address.motors).zip(address.conventions)
+    {
+        simulation.qpos_mut()[place] = standing[place] + f64::from(convention.sign * angle);
     }
-    let LegGeometry::FiveBar(five_bar) = leg.geometry;
-    // Angle between upper and lower link: gamma + beta, counted from the standing pose.
-    let fold = |extension: f32| {
-        f64::from(five_bar.stance_half_angle() - extension) + f64::from(five_bar.lower_link_angle(extension))
-    };
-    let change = fold(position.extension) - fold(0.0);
-    for (sign, place) in [-1.0, 1.0].into_iter().zip(address.knees) {
-        simulation.qpos_mut()[place] = reference[place] + sign * change;
+    if let (LegGeometry::FiveBar(five_bar), Some(knees)) = (leg.geometry, &address.knees) {
+        let angles = five_bar.knee_angles(position).into_iter();
+        for ((angle, place), convention) in angles.zip(knees.places).zip(knees.conventions) {
+            simulation.qpos_mut()[place] = standing[place] + f64::from(convention.sign) * angle;
+        }
     }
 }

@@ -10,8 +10,8 @@ use crate::robot::Robot;
 /// How far a foot may stand from where the mirror has its partner [m].
 const TOLERANCE_M: f64 = 1e-4;
 
-/// How far phases may differ to count as equal [cycles].
-const TOLERANCE_CYCLES: f32 = 1e-4;
+/// How far a leg may be from its partner's position half a cycle later [rad].
+const TOLERANCE_RAD: f32 = 1e-3;
 
 /// What [`Mirror`] borrows, checked to be a mirror.
 #[derive(Clone, Debug, PartialEq)]
@@ -141,12 +141,21 @@ fn partners(robot: &Robot) -> Result<Vec<usize>, String> {
     feet.iter().enumerate().map(partner).collect()
 }
 
+/// Phases at which a gait is held to its image.
+const PROBES: usize = 32;
+
 /// Whether the gait in the mirror is the gait half a cycle later.
 fn check_gait(legs: &[LegGait], partners: &[usize]) -> Result<(), String> {
     let is_mirrored = legs.iter().zip(partners).all(|(leg, &partner)| {
-        let cycles = legs[partner].phase_offset - leg.phase_offset - 0.5;
-        let same_motion = legs[partner].waveform == leg.waveform && legs[partner].defaults == leg.defaults;
-        same_motion && (cycles - cycles.round()).abs() < TOLERANCE_CYCLES
+        let partner = &legs[partner];
+        let is_near = |a: f32, b: f32| (a - b).abs() < TOLERANCE_RAD;
+        leg.defaults == partner.defaults
+            && (0..PROBES).all(|probe| {
+                let phase = probe as f32 / PROBES as f32;
+                let (own, image) =
+                    (leg.position(phase, &leg.defaults), partner.position(phase + 0.5, &partner.defaults));
+                is_near(own.swing, image.swing) && is_near(own.extension, image.extension)
+            })
     });
     if is_mirrored { Ok(()) } else { Err("in the mirror its gait is not itself half a cycle later".to_owned()) }
 }

@@ -90,17 +90,25 @@ fn message_of(error: &MjModelError) -> String {
 }
 
 /// A compiled MuJoCo model.
-#[derive(Debug)]
-pub struct Model(MjModel);
+#[derive(Clone, Debug)]
+pub struct Model {
+    compiled: MjModel,
+    /// `(nq)` the standing pose.
+    standing: Vec<f64>,
+}
 
 impl Model {
+    fn new(compiled: MjModel) -> Self {
+        Self { standing: compiled.qpos0().to_vec(), compiled }
+    }
+
     /// Compiles the MJCF or URDF at `path`.
     ///
     /// # Errors
     /// MuJoCo's own words about what is wrong with the file.
     pub fn load(path: &Path) -> Result<Self, String> {
         keep_messages();
-        MjModel::from_xml(path).map(Self).map_err(|error| message_of(&error))
+        MjModel::from_xml(path).map(Self::new).map_err(|error| message_of(&error))
     }
 
     /// Compiles a model that is text: MJCF without other files.
@@ -109,18 +117,18 @@ impl Model {
     /// MuJoCo's own words about what is wrong with it.
     pub fn parse(text: &str) -> Result<Self, String> {
         keep_messages();
-        MjModel::from_xml_string(text).map(Self).map_err(|error| message_of(&error))
+        MjModel::from_xml_string(text).map(Self::new).map_err(|error| message_of(&error))
     }
 
     /// The number of the object of this name.
     pub fn id(&self, kind: ObjectKind, name: &str) -> Option<usize> {
         // MuJoCo's names end at their first NUL, so none has one.
-        (!name.contains('\0')).then(|| self.0.name_to_id(kind.to_mujoco(), name))?
+        (!name.contains('\0')).then(|| self.compiled.name_to_id(kind.to_mujoco(), name))?
     }
 
     /// How many there are of what costs memory and time: name and number.
     pub fn sizes(&self) -> [(&'static str, usize); 8] {
-        let sizes = self.0.ffi();
+        let sizes = self.compiled.ffi();
         [
             ("bodies", sizes.nbody),
             ("degrees of freedom", sizes.nv),
@@ -136,96 +144,106 @@ impl Model {
 
     /// Memory for contacts and constraints that each simulation reserves [B].
     pub fn arena_bytes(&self) -> usize {
-        self.0.ffi().narena as usize
+        self.compiled.ffi().narena as usize
     }
 
     /// The total mass [kg].
     pub fn total_mass_kg(&self) -> f64 {
-        self.0.totalmass()
+        self.compiled.totalmass()
     }
 
     /// Magnitude of gravity [m/s^2].
     pub fn gravity(&self) -> f64 {
-        self.0.opt().gravity.iter().map(|component| component * component).sum::<f64>().sqrt()
+        self.compiled.opt().gravity.iter().map(|component| component * component).sum::<f64>().sqrt()
     }
 
     /// Where the joint's position and velocity stand in `qpos` and `qvel`.
     pub fn joint_addresses(&self, joint: usize) -> (usize, usize) {
-        (self.0.jnt_qposadr()[joint] as usize, self.0.jnt_dofadr()[joint] as usize)
+        (self.compiled.jnt_qposadr()[joint] as usize, self.compiled.jnt_dofadr()[joint] as usize)
     }
 
     /// Name of the joint that a place in `qvel` belongs to, or its number if it has none.
     pub fn joint_of_velocity(&self, place: usize) -> String {
-        let joint = self.0.dof_jntid()[place] as usize;
-        let name = self.0.id_to_name(MjtObjBase::mjOBJ_JOINT, joint);
+        let joint = self.compiled.dof_jntid()[place] as usize;
+        let name = self.compiled.id_to_name(MjtObjBase::mjOBJ_JOINT, joint);
         name.map_or_else(|| format!("joint {joint}"), str::to_owned)
     }
 
     /// The body's first joint, if it is free: the body floats.
     pub fn free_joint(&self, body: usize) -> Option<usize> {
-        let joint = usize::try_from(self.0.body_jntadr()[body]).ok()?;
-        (self.0.jnt_type()[joint] == MjtJoint::mjJNT_FREE).then_some(joint)
+        let joint = usize::try_from(self.compiled.body_jntadr()[body]).ok()?;
+        (self.compiled.jnt_type()[joint] == MjtJoint::mjJNT_FREE).then_some(joint)
     }
 
-    /// A position of the reference configuration, `qpos0`.
-    pub fn reference_position(&self) -> &[f64] {
-        self.0.qpos0()
+    /// The standing pose, `(nq)` [m, rad]: the reference configuration, `qpos0`, unless a keyframe was chosen.
+    pub fn standing_position(&self) -> &[f64] {
+        &self.standing
+    }
+
+    /// Makes the positions of the keyframe of this name the standing pose; false if there is none.
+    pub fn stand_as_in(&mut self, keyframe: &str) -> bool {
+        let found = self.compiled.name_to_id(MjtObjBase::mjOBJ_KEY, keyframe);
+        let positions = found.map(|key| {
+            let num_positions = self.standing.len();
+            self.compiled.key_qpos()[key * num_positions..][..num_positions].to_vec()
+        });
+        positions.map(|positions| self.standing = positions).is_some()
     }
 
     /// Radius of a sphere geom [m].
     pub fn geom_radius_m(&self, geom: usize) -> f64 {
-        self.0.geom_size()[geom][0]
+        self.compiled.geom_size()[geom][0]
     }
 
     /// Whether the joint is a hinge.
     pub fn is_hinge(&self, joint: usize) -> bool {
-        self.0.jnt_type()[joint] == MjtJoint::mjJNT_HINGE
+        self.compiled.jnt_type()[joint] == MjtJoint::mjJNT_HINGE
     }
 
     /// Whether the geom is a sphere.
     pub fn is_sphere(&self, geom: usize) -> bool {
-        self.0.geom_type()[geom] == MjtGeomBase::mjGEOM_SPHERE
+        self.compiled.geom_type()[geom] == MjtGeomBase::mjGEOM_SPHERE
     }
 
     /// Whether the geom is the plane z = 0 of the world.
     pub fn is_level_ground(&self, geom: usize) -> bool {
-        let is_plane = self.0.geom_type()[geom] == MjtGeomBase::mjGEOM_PLANE;
-        let [w, x, y, _] = self.0.geom_quat()[geom];
+        let is_plane = self.compiled.geom_type()[geom] == MjtGeomBase::mjGEOM_PLANE;
+        let [w, x, y, _] = self.compiled.geom_quat()[geom];
         let is_level = x.abs() < 1e-9 && y.abs() < 1e-9 && w.is_finite();
-        is_plane && is_level && self.0.geom_bodyid()[geom] == 0 && self.0.geom_pos()[geom][2].abs() < 1e-9
+        is_plane && is_level && self.compiled.geom_bodyid()[geom] == 0 && self.compiled.geom_pos()[geom][2].abs() < 1e-9
     }
 
     /// Whether the geom belongs to a body that can move, and not to the world.
     pub fn is_on_robot(&self, geom: usize) -> bool {
-        self.0.geom_bodyid()[geom] != 0
+        self.compiled.geom_bodyid()[geom] != 0
     }
 
     /// Radius of a sphere around the geom's centre that holds all of it [m].
     pub fn bounding_radius_m(&self, geom: usize) -> f64 {
-        self.0.geom_rbound()[geom]
+        self.compiled.geom_rbound()[geom]
     }
 
     /// Makes MuJoCo obey [`Simulation::set_torque_range`] for a joint, whatever the model's file says.
     pub fn limit_torque(&mut self, joint: usize) {
-        self.0.jnt_actfrclimited_mut()[joint] = true;
+        self.compiled.jnt_actfrclimited_mut()[joint] = true;
     }
 
     /// Sets the time step of [`Simulation::step`] [s].
     pub fn set_timestep_s(&mut self, timestep_s: f64) {
-        self.0.opt_mut().timestep = timestep_s;
+        self.compiled.opt_mut().timestep = timestep_s;
     }
 
     /// Sets gravity [m/s^2].
     pub fn set_gravity(&mut self, gravity: [f64; 3]) {
-        self.0.opt_mut().gravity = gravity;
+        self.compiled.opt_mut().gravity = gravity;
     }
 
     /// Sets the sliding friction of every geom and contact pair.
     pub fn set_friction(&mut self, friction: f64) {
-        for geom in self.0.geom_friction_mut() {
+        for geom in self.compiled.geom_friction_mut() {
             geom[0] = friction;
         }
-        for pair in self.0.pair_friction_mut() {
+        for pair in self.compiled.pair_friction_mut() {
             pair[0] = friction;
             pair[1] = friction;
         }
@@ -233,30 +251,24 @@ impl Model {
 
     /// Multiplies every mass and, with it, every moment of inertia.
     pub fn scale_masses(&mut self, factor: f64) {
-        self.0.body_mass_mut().iter_mut().for_each(|mass| *mass *= factor);
-        self.0.body_inertia_mut().iter_mut().flatten().for_each(|moment| *moment *= factor);
+        self.compiled.body_mass_mut().iter_mut().for_each(|mass| *mass *= factor);
+        self.compiled.body_inertia_mut().iter_mut().flatten().for_each(|moment| *moment *= factor);
         // What MuJoCo derived from the masses when it compiled the model has to follow.
-        let mut data = MjData::new(Box::new(self.0.clone()));
+        let mut data = MjData::new(Box::new(self.compiled.clone()));
         data.set_const();
-        self.0 = data.model().clone();
+        self.compiled = data.model().clone();
     }
 
     /// The model for changes that this interface does not name: what-if studies of single numbers.
     ///
     /// After a change of masses or sizes the caller owes MuJoCo a [`Simulation::update_constants`].
     pub fn raw_mut(&mut self) -> &mut MjModel {
-        &mut self.0
+        &mut self.compiled
     }
 
     /// The model, read-only, for what this interface does not name.
     pub fn raw(&self) -> &MjModel {
-        &self.0
-    }
-}
-
-impl Clone for Model {
-    fn clone(&self) -> Self {
-        Self(self.0.clone())
+        &self.compiled
     }
 }
 
@@ -264,12 +276,17 @@ impl Clone for Model {
 #[derive(Debug)]
 pub struct Simulation {
     data: MjData<Box<MjModel>>,
+    /// `(nq)` where it starts.
+    standing: Vec<f64>,
 }
 
 impl Simulation {
-    /// A simulation of its own copy of the model, in the reference configuration.
+    /// A simulation of its own copy of the model, in the standing pose.
     pub fn new(model: &Model) -> Self {
-        Self { data: MjData::new(Box::new(model.0.clone())) }
+        let data = MjData::new(Box::new(model.compiled.clone()));
+        let mut simulation = Self { data, standing: model.standing.clone() };
+        simulation.reset();
+        simulation
     }
 
     /// Recomputes what MuJoCo derives from masses and sizes at compile time.
@@ -277,9 +294,10 @@ impl Simulation {
         self.data.set_const();
     }
 
-    /// Back to the reference configuration at time 0, without warnings.
+    /// Back to the standing pose at time 0, without warnings.
     pub fn reset(&mut self) {
         self.data.reset();
+        self.data.qpos_mut().copy_from_slice(&self.standing);
     }
 
     /// One physics step.
@@ -361,6 +379,11 @@ impl Simulation {
     /// Positions of the joints' anchors in the world as of the last step, `(njnt x 3)` [m].
     pub fn joint_positions_in_world(&self) -> &[[f64; 3]] {
         self.data.xanchor()
+    }
+
+    /// Directions of the joints' axes in the world as of the last step, `(njnt x 3)`.
+    pub fn joint_axes_in_world(&self) -> &[[f64; 3]] {
+        self.data.xaxis()
     }
 
     /// The two geoms of each contact that may carry a force, as of the last step.

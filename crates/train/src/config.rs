@@ -156,15 +156,33 @@ impl PpoConfig {
 struct Preset {
     name: &'static str,
     text: &'static str,
+    /// What is different from the text.
+    changes: &'static [(&'static str, &'static str)],
 }
 
 /// The preset that `canter train` runs when none is named.
 pub const DEFAULT_PRESET: &str = "doggo";
 
-const PRESETS: [Preset; 2] = [
-    Preset { name: "doggo", text: include_str!("../../../presets/doggo.toml") },
-    Preset { name: "paper", text: include_str!("../../../presets/paper.toml") },
+const DOGGO: &str = include_str!("../../../presets/doggo.toml");
+
+/// The presets. One for another robot is Doggo's with that robot, its own default gait, and the margin of height scaled
+/// with the robot: reward, networks and hyperparameters are the same for all.
+const PRESETS: [Preset; 7] = [
+    Preset { name: "doggo", text: DOGGO, changes: &[] },
+    Preset { name: "paper", text: include_str!("../../../presets/paper.toml"), changes: &[] },
+    for_robot("minitaur", &[ROBOT_TROT, ("robot", "minitaur")]),
+    for_robot("q8bot", &[ROBOT_TROT, ("robot", "q8bot"), ("task.height_margin_m", "0.007")]),
+    for_robot("quad12", &[ROBOT_TROT, ("robot", "quad12"), ("task.height_margin_m", "0.04")]),
+    for_robot("hexapod", &[("policy.prior", "tripod"), ("robot", "hexapod")]),
+    for_robot("octopod", &[("policy.prior", "alternating"), ("robot", "octopod")]),
 ];
+
+const ROBOT_TROT: (&str, &str) = ("policy.prior", "trot");
+
+/// Doggo's preset for another robot.
+const fn for_robot(name: &'static str, changes: &'static [(&'static str, &'static str)]) -> Preset {
+    Preset { name, text: DOGGO, changes }
+}
 
 /// Names of the presets that come with canter.
 pub fn preset_names() -> impl Iterator<Item = &'static str> {
@@ -213,7 +231,11 @@ pub fn open_preset(name_or_path: &str) -> Result<Document, ConfigError> {
         let known: Vec<_> = preset_names().map(|name| format!("`{name}`")).collect();
         return Err(ConfigError::UnknownPreset { name: name_or_path.to_owned(), known: known.join(", ") });
     };
-    Ok(Document::parse(&format!("presets/{name_or_path}.toml"), preset.text.as_bytes())?)
+    let mut document = Document::parse(&format!("presets/{name_or_path}.toml"), preset.text.as_bytes())?;
+    for (key, value) in preset.changes {
+        document.set(key, value);
+    }
+    Ok(document)
 }
 
 /// A configuration whose parts have met: the robot is loaded, the task is put together.

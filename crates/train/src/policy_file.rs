@@ -1,7 +1,7 @@
 //! `policy.safetensors`: everything that the robot's code needs to run a learned gait, with vectors that prove it.
 
 use canter_gait::mirror::Component;
-use canter_gait::{LegGeometry, Network, NetworkShape, Normaliser, Policy, Waveform};
+use canter_gait::{Actuators, LegGeometry, Network, NetworkShape, Normaliser, Policy, Waveform};
 use canter_sim::mirror::MirrorMaps;
 use canter_sim::{NamedGait, Task};
 use serde::{Deserialize, Serialize};
@@ -11,7 +11,7 @@ use crate::tensors::{TensorError, TensorFile};
 use crate::trainer::Trainer;
 
 /// Version of the format; readers refuse others.
-pub const FORMAT_VERSION: u32 = 2;
+pub const FORMAT_VERSION: u32 = 3;
 
 /// Observations of the built-in test vector.
 const NUM_TEST_VECTORS: usize = 4;
@@ -54,18 +54,21 @@ pub struct RobotCard {
 /// A leg's geometry, maps and limits.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct LegCard {
-    /// How it is built.
+    /// How it is built: `five-bar` or `serial`.
     pub kind: String,
-    /// Length of each upper link [m].
+    /// Length of the upper links [m].
     pub upper_link_m: f32,
-    /// Length of each lower link [m].
+    /// Length of the lower links [m].
     pub lower_link_m: f32,
-    /// Half the angle between the upper links in the standing pose [rad].
-    pub stance_half_angle_rad: f32,
-    /// Motor angles at unit swing, then at unit extension.
-    pub motors_from_leg: [[f32; 2]; 2],
-    /// Actuator targets at unit swing, then at unit extension.
-    pub actuators_from_leg: [[f32; 2]; 2],
+    /// Length of the leg in the standing pose [m].
+    pub stance_length_m: f32,
+    /// Distance between the hips of a five-bar leg [m].
+    pub hip_separation_m: f32,
+    /// Whether the knee of a serial leg is in front.
+    pub knee_in_front: bool,
+    /// Null where the actuators are commanded in swing and extension; else for both motor joints 1 or -1, and the joint's
+    /// angle in the standing pose [rad].
+    pub joints: Option<[(f32, f32); 2]>,
     /// Least and greatest swing [rad].
     pub swing_limits_rad: [f32; 2],
     /// Least and greatest extension [rad].
@@ -86,10 +89,10 @@ pub struct GaitCard {
 /// One leg's part of the gait.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct LegGaitCard {
-    /// `sine` or `stepping`.
+    /// `sine`, `stepping` or `table`.
     pub waveform: String,
-    /// The waveform's own numbers: extension phase [cycles], or stance height, down and up amplitude [m], flight
-    /// fraction, step length [m].
+    /// The waveform's own numbers: extension phase [cycles]; or stance height, down and up amplitude [m], flight
+    /// fraction, step length [m]; or swing and extension of the wave, in [-1, 1], at equal distances over the cycle.
     pub waveform_parameters: Vec<f32>,
     /// What the leg adds to the clock's phase [cycles].
     pub phase_offset: f32,
@@ -365,18 +368,25 @@ impl PolicyCard {
         let controller = task.controller();
         let (gait, law) = (controller.gait(), controller.law());
         let legs = task.robot.legs.iter().map(|leg| {
-            let LegGeometry::FiveBar(five_bar) = leg.geometry;
-            let columns = |map: canter_gait::LinearMap| {
-                let at = |swing, extension| map.apply(canter_gait::LegPosition { swing, extension });
-                [at(1.0, 0.0), at(0.0, 1.0)]
+            let (kind, upper_link_m, lower_link_m, hip_separation_m, knee_in_front) = match leg.geometry {
+                LegGeometry::FiveBar(leg) => {
+                    ("five-bar", leg.upper_link_m(), leg.lower_link_m(), leg.hip_separation_m(), false)
+                }
+                LegGeometry::Serial(leg) => {
+                    ("serial", leg.upper_link_m(), leg.lower_link_m(), 0.0, leg.knee_in_front())
+                }
             };
             LegCard {
-                kind: "five-bar".to_owned(),
-                upper_link_m: five_bar.upper_link_m(),
-                lower_link_m: five_bar.lower_link_m(),
-                stance_half_angle_rad: five_bar.stance_half_angle(),
-                motors_from_leg: columns(leg.motors),
-                actuators_from_leg: columns(leg.actuators),
+                kind: kind.to_owned(),
+                upper_link_m,
+                lower_link_m,
+                stance_length_m: leg.geometry.length(0.0),
+                hip_separation_m,
+                knee_in_front,
+                joints: match leg.actuators {
+                    Actuators::LegSpace => None,
+                    Actuators::Joints(joints) => Some(joints.map(|joint| (joint.sign, joint.standing))),
+                },
                 swing_limits_rad: leg.limits.swing,
                 extension_limits_rad: leg.limits.extension,
             }
@@ -394,6 +404,9 @@ impl PolicyCard {
                         p.step_length_m,
                     ];
                     ("stepping", numbers)
+                }
+                Waveform::Table(table) => {
+                    ("table", table.wave().iter().flat_map(|leg| [leg.swing, leg.extension]).collect())
                 }
             };
             let p = leg.defaults;

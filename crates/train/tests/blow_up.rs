@@ -23,7 +23,7 @@ fn blown_up() -> (Trainer, IterationReport) {
     let task = &trainer.resolved().task;
     // Number of the next episode, phase, env steps, return, stuck time, slope; then action, commands, time, positions.
     let delay = task.robot.settings.command_delay_steps as usize;
-    let num_positions = task.robot.model.reference_position().len();
+    let num_positions = task.robot.model.standing_position().len();
     let first_velocity = 6 + task.num_actions() + (delay + 1) * 2 * task.robot.legs.len() + 1 + num_positions;
     states[ENVIRONMENT * shape[1] + first_velocity + 8] = 1e9;
     let mut poisoned = file.clone();

@@ -182,7 +182,7 @@ fn doctored_metadata_gives_the_right_error() {
     let read = |change: &dyn Fn(&mut Value)| PolicyFile::from_bytes(&with_metadata(&bytes, change));
     let error = read(&|metadata| metadata["format_version"] = json!(1)).unwrap_err();
     assert!(matches!(error, PolicyError::Version { found: 1 }), "{error}");
-    assert_eq!(error.to_string(), "it has format version 1, this canter reads version 2");
+    assert_eq!(error.to_string(), "it has format version 1, this canter reads version 3");
     let error = read(&|metadata| metadata["format_version"] = json!("one")).unwrap_err();
     assert!(matches!(error, PolicyError::Version { found: 0 }), "{error}");
     let error = read(&|metadata| metadata["gait"]["legs"] = json!("four")).unwrap_err();
@@ -228,7 +228,7 @@ fn a_policy_of_numbers_that_cannot_be_is_refused() {
     assert!(matches!(error, PolicyError::Number), "{error}");
     // Version 2, but for what 32 bits hold of it.
     let error = refusal(&|metadata| metadata["format_version"] = json!((1_u64 << 32) + 2));
-    assert_eq!(error.to_string(), "it has format version 4294967298, this canter reads version 2");
+    assert_eq!(error.to_string(), "it has format version 4294967298, this canter reads version 3");
     // Sizes whose product has more than 64 bits.
     for (shape, found) in [([0, 1 << 40], "[0, 1099511627776]"), ([1 << 62, 0], "[4611686018427387904, 0]")] {
         let file = TensorFile::from_bytes(&bytes).unwrap();

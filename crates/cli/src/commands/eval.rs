@@ -45,6 +45,7 @@ fn subject(args: &EvalArgs) -> Result<(Resolved, Option<PolicyFile>), CliError> 
     // Without a policy there is nothing to change: no range has to hold the gait's own numbers.
     document.set("policy.modulation", "direct");
     document.set("policy.authority", "1");
+    document.set("policy.symmetric", "false");
     Ok((resolve(&with_overrides(document, args))?, None))
 }
 

@@ -24,7 +24,7 @@ pub struct Snapshot {
 /// One leg at one moment.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LegSnapshot {
-    /// The hip: the anchor of the leg's first motor joint.
+    /// The hip: the anchor of the leg's first motor joint, or the middle between those of both where both are at the hip.
     pub hip: [f64; 3],
     /// The anchors of the two passive joints, in the order of the motors.
     pub knees: [[f64; 3]; 2],
@@ -55,8 +55,8 @@ impl Env {
         let geoms = self.simulation.geom_positions_in_world();
         let legs = robot.leg_addresses.iter().zip(touches).zip(self.leg_positions());
         let legs = legs.map(|((address, has_contact), (commanded, actual))| LegSnapshot {
-            hip: joints[address.motor_joints[0]],
-            knees: address.knee_joints.map(|joint| joints[joint]),
+            hip: middle(address.motor_joints.map(|joint| joints[joint]), address.knees.is_some()),
+            knees: address.knee_joints().map(|joint| joints[joint]),
             foot: geoms[address.foot],
             has_contact,
             commanded,
@@ -67,8 +67,14 @@ impl Env {
             orientation_rad: self.orientation_in_ground(),
             legs: legs.collect(),
             num_body_contacts,
-            torques_nm: self.buffers.torques.clone(),
+            torques_nm: self.buffers.torques[..2 * robot.legs.len()].to_vec(),
             motor_velocities_rad_per_s: self.sensed.motor_velocities.iter().map(|&value| f64::from(value)).collect(),
         }
     }
+}
+
+/// The middle between the anchors of a leg's motors if both are at the hip, else the first.
+fn middle([first, second]: [[f64; 3]; 2], both_at_hip: bool) -> [f64; 3] {
+    // Equal anchors stay what they are to the last bit.
+    if both_at_hip { std::array::from_fn(|axis| 0.5 * (first[axis] + second[axis])) } else { first }
 }

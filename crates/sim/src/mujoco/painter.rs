@@ -125,7 +125,7 @@ impl Painter {
     ) -> Self {
         let picture = Area { left: 0, bottom: 0, width, height };
         let size = picture.to_mujoco();
-        let mut model = Box::new(model.0.clone());
+        let mut model = Box::new(model.compiled.clone());
         model.stat_mut().extent = reach_m;
         let visual = model.vis_mut();
         (visual.global.offwidth, visual.global.offheight) = (size.width, size.height);

@@ -1,20 +1,30 @@
 //! Holds `robot.toml` and the compiled model against each other.
 
-use canter_gait::phase::QUADRUPED_GAITS;
-use canter_gait::prior::LegGait;
-use canter_gait::{FiveBar, Leg, LegGeometry, LegLimits, LegPosition, LinearMap};
+use std::ops::RangeInclusive;
+use std::path::Path;
 
-use super::settings::{Actuated, GaitSettings, LegSettings, RobotSettings};
-use super::{LEARNED, LegAddresses, NamedGait, Robot, RobotError};
+use canter_gait::prior::{LegGait, Waveform};
+use canter_gait::{Actuators, FiveBar, JointConvention, Leg, LegGeometry, LegLimits, LegPosition, SerialLeg};
+
+use super::settings::{Actuated, GaitSettings, KneeSide, LegSettings, RobotSettings};
+use super::table::Recording;
+use super::{HeldMotor, KneeAddresses, LEARNED, LegAddresses, NamedGait, Robot, RobotError};
 use crate::env::place_leg;
 use crate::mujoco::{Model, ObjectKind, Simulation};
 use crate::settings::{Document, Problems};
+
+/// How many legs a robot may have.
+const NUM_LEGS: RangeInclusive<usize> = 2..=16;
+
+/// A joint whose angle is the motor angle.
+const UNTURNED: JointConvention = JointConvention { sign: 1.0, standing: 0.0 };
 
 /// Checks the settings against the model and resolves every name; reports all problems together.
 pub(super) fn assemble(
     document: &Document,
     settings: RobotSettings,
     mut model: Model,
+    folder: Option<&Path>,
     fingerprint: u64,
 ) -> Result<Robot, RobotError> {
     let mut problems = document.problems();
@@ -24,6 +34,11 @@ pub(super) fn assemble(
     }
     if !(model.total_mass_kg().is_finite() && model.total_mass_kg() > 0.0) {
         problems.at("model", format!("the compiled model weighs {} kg", model.total_mass_kg()));
+    }
+    if let Some(keyframe) = &settings.keyframe
+        && !model.stand_as_in(keyframe)
+    {
+        problems.at("keyframe", format!("the model has no keyframe called `{keyframe}`"));
     }
     let mut find = |kind: ObjectKind, key: &str, name: &str| {
         let id = model.id(kind, name);
@@ -35,34 +50,53 @@ pub(super) fn assemble(
     };
     let body = find(ObjectKind::Body, "body", &settings.body);
     let floor = find(ObjectKind::Geom, "floor", &settings.floor);
+    let mut standing = Simulation::new(&model);
+    standing.update_positions();
+    let convention = |joint| convention(&model, &standing, joint);
     let mut leg_addresses = Vec::new();
-    for (i, LegSettings::FiveBar(leg)) in settings.legs.iter().enumerate() {
-        let foot = find(ObjectKind::Geom, &format!("legs[{i}].foot"), &leg.foot);
+    for (i, leg) in settings.legs.iter().enumerate() {
+        let foot = find(ObjectKind::Geom, &format!("legs[{i}].foot"), leg.foot());
         let mut pair = |kind, key: &str, names: &[String]| {
             let ids: Vec<_> =
                 names.iter().enumerate().map(|(j, name)| find(kind, &format!("legs[{i}].{key}[{j}]"), name)).collect();
             // A list of another length is reported below.
             <[Option<usize>; 2]>::try_from(ids).ok().and_then(|[first, second]| Some([first?, second?]))
         };
-        let motors = pair(ObjectKind::Joint, "motors", &leg.motors);
-        let knees = pair(ObjectKind::Joint, "knees", &leg.knees);
-        let actuators = pair(ObjectKind::Actuator, "actuators", &leg.actuators);
-        if let (Some(foot), Some(motor_joints), Some(knee_joints), Some(actuators)) = (foot, motors, knees, actuators) {
+        let (motors, actuators) = leg.motors_and_actuators();
+        let motors = pair(ObjectKind::Joint, "motors", motors);
+        let knees = leg.knees().map(|names| pair(ObjectKind::Joint, "knees", names));
+        let actuators = pair(ObjectKind::Actuator, "actuators", actuators);
+        // What is missing has been reported.
+        if let (Some(foot), Some(motor_joints), Some(actuators)) = (foot, motors, actuators)
+            && knees != Some(None)
+        {
             leg_addresses.push(LegAddresses {
                 foot,
                 motor_joints,
                 motors: motor_joints.map(|joint| model.joint_addresses(joint)),
-                knee_joints,
-                knees: knee_joints.map(|joint| model.joint_addresses(joint).0),
+                conventions: motor_joints.map(convention),
+                knees: knees.flatten().map(|joints| KneeAddresses {
+                    joints,
+                    places: joints.map(|joint| model.joint_addresses(joint).0),
+                    conventions: joints.map(convention),
+                }),
                 actuators,
             });
         }
     }
-    check_kinds(&model, floor, &leg_addresses, &mut problems);
-    for address in &leg_addresses {
-        for joint in address.motor_joints {
-            model.limit_torque(joint);
+    let mut held = Vec::new();
+    for (i, motor) in settings.held.iter().flatten().enumerate() {
+        let joint = find(ObjectKind::Joint, &format!("held[{i}].joint"), &motor.joint);
+        let actuator = find(ObjectKind::Actuator, &format!("held[{i}].actuator"), &motor.actuator);
+        if let (Some(joint), Some(actuator)) = (joint, actuator) {
+            let (place, velocity) = model.joint_addresses(joint);
+            held.push(HeldMotor { joint, velocity, actuator, target: model.standing_position()[place] });
         }
+    }
+    check_kinds(&model, floor, &leg_addresses, &held, &mut problems);
+    let in_legs = leg_addresses.iter().flat_map(|address| address.motor_joints);
+    for joint in in_legs.chain(held.iter().map(|motor| motor.joint)) {
+        model.limit_torque(joint);
     }
     let root = body.and_then(|body| model.free_joint(body)).map(|joint| model.joint_addresses(joint));
     if body.is_some() && root.is_none() {
@@ -82,17 +116,22 @@ pub(super) fn assemble(
     if settings.gaits.is_empty() {
         problems.at("gaits", "expected one gait at least");
     }
-    if settings.legs.len() != 4 {
-        problems.at("legs", format!("expected 4 legs, found {}", settings.legs.len()));
+    if !NUM_LEGS.contains(&settings.legs.len()) {
+        let (least, most) = (NUM_LEGS.start(), NUM_LEGS.end());
+        problems.at("legs", format!("expected {least} to {most} legs, found {}", settings.legs.len()));
     }
     let legs = settings
         .legs
         .iter()
         .enumerate()
-        .filter_map(|(i, leg)| controller_leg(i, leg, &settings, &mut problems))
+        .filter_map(|(i, leg)| {
+            // Without its joints the leg's conventions do not matter any more.
+            let joints = leg_addresses.get(i).map_or([UNTURNED; 2], |address: &LegAddresses| address.conventions);
+            controller_leg(i, leg, joints, &settings, &mut problems)
+        })
         .collect::<Vec<_>>();
     let mut gaits = Vec::new();
-    if legs.len() == 4 {
+    if legs.len() == settings.legs.len() {
         for (i, gait) in settings.gaits.iter().enumerate() {
             if gaits.iter().any(|earlier: &NamedGait| earlier.name == gait.name()) {
                 problems.at(&format!("gaits[{i}].name"), "another gait has this name");
@@ -104,14 +143,14 @@ pub(super) fn assemble(
             if gait.name() == LEARNED {
                 problems.at(&format!("gaits[{i}].name"), "this name is what training makes of a gait");
             }
-            gaits.extend(named_gait(i, gait, &legs, &mut problems));
+            gaits.extend(named_gait(i, gait, (&legs, &settings.legs), folder, &mut problems));
         }
     }
     problems.clone().finish(())?;
     let (Some(root), Some(floor)) = (root, floor) else {
         unreachable!("a missing free joint or floor is a problem");
     };
-    let robot = Robot { settings, model, legs, gaits, fingerprint, leg_addresses, floor, root };
+    let robot = Robot { settings, model, legs, gaits, fingerprint, leg_addresses, held, floor, root };
     check_kinematics(&robot, &mut problems);
     Ok(problems.finish(robot)?)
 }
@@ -142,8 +181,23 @@ pub(super) fn excess(model: &Model) -> Option<String> {
     too_many.map(message).or_else(too_large)
 }
 
-/// Checks that joints are hinges, feet spheres, the floor level, and that no leg uses another's parts.
-fn check_kinds(model: &Model, floor: Option<usize>, legs: &[LegAddresses], problems: &mut Problems) {
+/// How the angle of a hinge counts against the angle by which it turns a hanging link forward since the standing pose.
+fn convention(model: &Model, standing: &Simulation, joint: usize) -> JointConvention {
+    // Forward is x, up is z: a link that hangs down turns forward about -y.
+    let [_, left, _] = standing.joint_axes_in_world()[joint];
+    let sign = if left > 0.0 { -1.0 } else { 1.0 };
+    let (place, _) = model.joint_addresses(joint);
+    JointConvention { sign, standing: model.standing_position()[place] as f32 }
+}
+
+/// Checks that joints are hinges, feet spheres, the floor level, and that nothing is used twice.
+fn check_kinds(
+    model: &Model,
+    floor: Option<usize>,
+    legs: &[LegAddresses],
+    held: &[HeldMotor],
+    problems: &mut Problems,
+) {
     if floor.is_some_and(|floor| !model.is_level_ground(floor)) {
         problems.at("floor", "expected a plane at z = 0 of the world; slopes are a setting of the task");
     }
@@ -157,7 +211,8 @@ fn check_kinds(model: &Model, floor: Option<usize>, legs: &[LegAddresses], probl
             problems.at(&place, "this geom is named already");
         }
         feet.push(leg.foot);
-        for (key, pair) in [("motors", leg.motor_joints), ("knees", leg.knee_joints)] {
+        let knees = leg.knees.as_ref().map(|knees| ("knees", knees.joints));
+        for (key, pair) in [("motors", leg.motor_joints)].into_iter().chain(knees) {
             for (j, joint) in pair.into_iter().enumerate() {
                 let place = format!("legs[{i}].{key}[{j}]");
                 if !model.is_hinge(joint) {
@@ -175,6 +230,19 @@ fn check_kinds(model: &Model, floor: Option<usize>, legs: &[LegAddresses], probl
             }
             actuators.push(actuator);
         }
+    }
+    for (i, motor) in held.iter().enumerate() {
+        if !model.is_hinge(motor.joint) {
+            problems.at(&format!("held[{i}].joint"), "expected a hinge");
+        }
+        if joints.contains(&motor.joint) {
+            problems.at(&format!("held[{i}].joint"), "this joint is named already");
+        }
+        if actuators.contains(&motor.actuator) {
+            problems.at(&format!("held[{i}].actuator"), "this actuator is named already");
+        }
+        joints.push(motor.joint);
+        actuators.push(motor.actuator);
     }
 }
 
@@ -215,8 +283,10 @@ fn check_kinematics(robot: &Robot, problems: &mut Problems) {
             problems.at("model", message);
             return;
         }
-        simulation.qpos_mut()[address.knees[1]] += KNEE_PROBE_RAD;
-        let is_held = is_off(simulation.loop_gap());
+        let is_held = address.knees.as_ref().is_none_or(|knees| {
+            simulation.qpos_mut()[knees.places[1]] += KNEE_PROBE_RAD;
+            is_off(simulation.loop_gap())
+        });
         place_leg(&mut simulation, robot, i, LegPosition::default());
         let key = format!("legs[{i}].upper_link_m");
         if far {
@@ -235,20 +305,37 @@ fn is_off(distance: f64) -> bool {
     distance.is_nan() || distance > KINEMATICS_TOLERANCE_M
 }
 
-/// The leg as the controller sees it.
+/// The leg as the controller sees it; `joints` are its motors'.
 fn controller_leg(
     index: usize,
-    LegSettings::FiveBar(leg): &LegSettings,
+    leg: &LegSettings,
+    joints: [JointConvention; 2],
     settings: &RobotSettings,
     problems: &mut Problems,
 ) -> Option<Leg> {
-    for (key, names) in [("motors", &leg.motors), ("knees", &leg.knees), ("actuators", &leg.actuators)] {
+    let (motors, actuators) = leg.motors_and_actuators();
+    for (key, names) in [("motors", motors), ("knees", leg.knees().unwrap_or(motors)), ("actuators", actuators)] {
         if names.len() != 2 {
             problems.at(&format!("legs[{index}].{key}"), format!("expected 2 names, found {}", names.len()));
         }
     }
-    let five_bar = FiveBar::new(leg.upper_link_m as f32, leg.lower_link_m as f32, settings.stance_height_m as f32);
-    if five_bar.is_none() {
+    let (upper, lower) = leg.links_m();
+    let (upper, lower, stance) = (upper as f32, lower as f32, settings.stance_height_m as f32);
+    let (geometry, actuators) = match leg {
+        LegSettings::FiveBar(leg) => {
+            let separation = leg.hip_separation_m.unwrap_or(0.0) as f32;
+            let actuators = match leg.actuated {
+                Actuated::LegSpace => Actuators::LegSpace,
+                Actuated::Motors => Actuators::Joints(joints),
+            };
+            (FiveBar::new(upper, lower, separation, stance).map(LegGeometry::FiveBar), actuators)
+        }
+        LegSettings::Serial(leg) => {
+            let in_front = leg.knee == KneeSide::Front;
+            (SerialLeg::new(upper, lower, in_front, stance).map(LegGeometry::Serial), Actuators::Joints(joints))
+        }
+    };
+    if geometry.is_none() {
         let message =
             format!("links of these lengths cannot stand at stance_height_m = {:?}", settings.stance_height_m);
         problems.at(&format!("legs[{index}].upper_link_m"), message);
@@ -256,24 +343,42 @@ fn controller_leg(
     let limits = &settings.limits;
     let pair = |values: &[f64]| Some([*values.first()? as f32, *values.get(1)? as f32]);
     Some(Leg {
-        geometry: LegGeometry::FiveBar(five_bar?),
-        motors: LinearMap::five_bar_motors(),
-        actuators: match leg.actuated {
-            Actuated::LegSpace => LinearMap::identity(),
-            Actuated::Motors => LinearMap::five_bar_motors(),
-        },
+        geometry: geometry?,
+        actuators,
         limits: LegLimits { swing: pair(&limits.swing_rad)?, extension: pair(&limits.extension_rad)? },
     })
 }
 
-/// The gait for these legs.
-fn named_gait(index: usize, gait: &GaitSettings, legs: &[Leg], problems: &mut Problems) -> Option<NamedGait> {
-    let footfall = gait.footfall().name();
-    let (_, offsets) = QUADRUPED_GAITS.iter().find(|(name, _)| *name == footfall)?;
+/// The gait for these legs; `folder` is where recorded ones are.
+fn named_gait(
+    index: usize,
+    gait: &GaitSettings,
+    (legs, settings): (&[Leg], &[LegSettings]),
+    folder: Option<&Path>,
+    problems: &mut Problems,
+) -> Option<NamedGait> {
+    let mut problem = |key: &str, message: String| {
+        let key = if key.is_empty() { format!("gaits[{index}]") } else { format!("gaits[{index}].{key}") };
+        problems.at(&key, message);
+    };
+    let offsets = gait.phase_offsets(legs.len()).map_err(|(key, message)| problem(key, message)).ok()?;
+    let recording = match gait.table() {
+        Some(table) => {
+            let loaded = Recording::load(&folder.unwrap_or(Path::new("")).join(table));
+            Some(loaded.map_err(|message| problem("table", message)).ok()?)
+        }
+        None => None,
+    };
     let mut parts = Vec::new();
-    for (leg, &phase_offset) in legs.iter().zip(offsets) {
-        let Some((waveform, defaults)) = gait.waveform(leg.geometry) else {
-            problems.at(&format!("gaits[{index}]"), "a leg cannot reach every point of this trajectory");
+    for ((leg, settings), phase_offset) in legs.iter().zip(settings).zip(offsets) {
+        let (waveform, defaults) = if let Some(recording) = &recording {
+            let table = recording.leg(leg, settings.motors_and_actuators().1);
+            let table = table.map_err(|message| problem("table", message)).ok()?;
+            (Waveform::Table(table), table.defaults())
+        } else if let Some(waveform) = gait.waveform(leg.geometry) {
+            waveform
+        } else {
+            problem("", "a leg cannot reach every point of this trajectory".to_owned());
             return None;
         };
         parts.push(LegGait { waveform, phase_offset, defaults });
@@ -281,6 +386,7 @@ fn named_gait(index: usize, gait: &GaitSettings, legs: &[Leg], problems: &mut Pr
     Some(NamedGait {
         name: gait.name().to_owned(),
         is_default: gait.is_default(),
+        is_stable: gait.is_stable(),
         stride_frequency_hz: gait.stride_frequency_hz() as f32,
         legs: parts,
     })

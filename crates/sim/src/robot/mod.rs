@@ -7,13 +7,14 @@
 mod check;
 mod screen;
 mod settings;
+pub mod table;
 mod xml;
 
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
-use canter_gait::Leg;
 use canter_gait::prior::LegGait;
+use canter_gait::{JointConvention, Leg};
 
 use crate::file;
 use crate::motor::Motor;
@@ -22,8 +23,8 @@ use crate::settings::{Document, MAX_FILE_BYTES, Problems};
 
 pub use screen::ModelProblems;
 pub use settings::{
-    Actuated, FiveBarSettings, Footfall, GaitSettings, LegSettings, LimitSettings, MotorSettings, RobotSettings,
-    SineSettings, SteppingSettings,
+    Actuated, FiveBarSettings, Footfall, GaitSettings, HeldSettings, KneeSide, LegSettings, LimitSettings,
+    MotorSettings, RobotSettings, SerialSettings, SineSettings, SteppingSettings, TableSettings,
 };
 
 /// What the learned gait is called beside the robot's own gaits; none of those may have this name.
@@ -36,6 +37,8 @@ pub struct NamedGait {
     pub name: String,
     /// Whether its speed counts as a default speed.
     pub is_default: bool,
+    /// Whether it keeps the robot on its feet without a policy.
+    pub is_stable: bool,
     /// Cycles per second [1/s].
     pub stride_frequency_hz: f32,
     /// `(L)` the legs' parts.
@@ -51,12 +54,43 @@ pub(crate) struct LegAddresses {
     pub motor_joints: [usize; 2],
     /// Places in `qpos` and `qvel` of the motor joints.
     pub motors: [(usize, usize); 2],
-    /// The passive joints.
-    pub knee_joints: [usize; 2],
-    /// Places in `qpos` of the passive joints.
-    pub knees: [usize; 2],
+    /// How the joints' angles count against motor angles, which are positive forward and 0 in the standing pose.
+    pub conventions: [JointConvention; 2],
+    /// The passive joints that close the loop; a serial leg has none.
+    pub knees: Option<KneeAddresses>,
     /// Places in `ctrl`.
     pub actuators: [usize; 2],
+}
+
+impl LegAddresses {
+    /// The joints at which the two upper links end: those of a serial leg are one.
+    pub fn knee_joints(&self) -> [usize; 2] {
+        self.knees.as_ref().map_or([self.motor_joints[1]; 2], |knees| knees.joints)
+    }
+}
+
+/// Where MuJoCo keeps the passive joints of one leg.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct KneeAddresses {
+    /// The joints.
+    pub joints: [usize; 2],
+    /// Places in `qpos`.
+    pub places: [usize; 2],
+    /// How the joints' angles count against knee angles, which are positive forward and 0 in the standing pose.
+    pub conventions: [JointConvention; 2],
+}
+
+/// A motor that is held still.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct HeldMotor {
+    /// Its joint.
+    pub joint: usize,
+    /// Its place in `qvel`.
+    pub velocity: usize,
+    /// Its place in `ctrl`.
+    pub actuator: usize,
+    /// The angle that it is held at [rad].
+    pub target: f64,
 }
 
 /// A robot that has passed all checks.
@@ -70,9 +104,10 @@ pub struct Robot {
     pub legs: Vec<Leg>,
     /// The gaits of `robot.toml`.
     pub gaits: Vec<NamedGait>,
-    /// Changes whenever `robot.toml`, the model's file or a file that it uses does.
+    /// Changes whenever `robot.toml`, the model's file, a file that it uses or a recorded gait does.
     pub fingerprint: u64,
     pub(crate) leg_addresses: Vec<LegAddresses>,
+    pub(crate) held: Vec<HeldMotor>,
     /// The ground geom.
     pub(crate) floor: usize,
     /// Places in `qpos` and `qvel` of the body's free joint.
@@ -121,11 +156,17 @@ struct BuiltIn {
     model: &'static str,
 }
 
-const BUILT_IN: [BuiltIn; 1] = [BuiltIn {
-    name: "doggo",
-    settings: include_str!("../../../../robots/doggo/robot.toml"),
-    model: include_str!("../../../../robots/doggo/doggo.xml"),
-}];
+macro_rules! built_in {
+    ($($name:literal),+ $(,)?) => {
+        [$(BuiltIn {
+            name: $name,
+            settings: include_str!(concat!("../../../../robots/", $name, "/robot.toml")),
+            model: include_str!(concat!("../../../../robots/", $name, "/", $name, ".xml")),
+        }),+]
+    };
+}
+
+const BUILT_IN: [BuiltIn; 6] = built_in!["doggo", "minitaur", "q8bot", "quad12", "hexapod", "octopod"];
 
 /// Names of the robots that come with canter.
 pub fn built_in_robots() -> impl Iterator<Item = &'static str> {
@@ -158,7 +199,7 @@ impl Robot {
         let mut fingerprint = Fingerprint::new();
         fingerprint.add(robot.settings.as_bytes());
         fingerprint.add(robot.model.as_bytes());
-        check::assemble(&document, settings, model, fingerprint.0)
+        check::assemble(&document, settings, model, None, fingerprint.0)
     }
 
     fn from_file(path: &Path) -> Result<Self, RobotError> {
@@ -171,12 +212,16 @@ impl Robot {
         let model_path = path.with_file_name(&settings.model);
         let folder = path.parent().unwrap_or(Path::new(""));
         screen::screen(folder, &model_path, &mut fingerprint)?;
+        for table in settings.gaits.iter().filter_map(GaitSettings::table) {
+            // A table that cannot be read is reported with what else is wrong.
+            fingerprint.add(&file::read(&folder.join(table), MAX_FILE_BYTES as u64).unwrap_or_default());
+        }
         let refused = |message| RobotError::Model { path: model_path.display().to_string(), message };
         if let Some(guard) = MODEL_GUARD.get() {
             guard(&model_path).map_err(refused)?;
         }
         let model = Model::load(&model_path).map_err(refused)?;
-        check::assemble(&document, settings, model, fingerprint.0)
+        check::assemble(&document, settings, model, Some(folder), fingerprint.0)
     }
 
     /// The gait of this name.
@@ -187,6 +232,14 @@ impl Robot {
     /// The gaits whose speed counts as a default speed.
     pub fn default_gaits(&self) -> impl Iterator<Item = &NamedGait> {
         self.gaits.iter().filter(|gait| gait.is_default)
+    }
+
+    /// Joint and place in `qvel` of every motor: those of the legs in their order, then those that are held.
+    pub(crate) fn motor_joints(&self) -> impl Iterator<Item = (usize, usize)> {
+        let legs = self.leg_addresses.iter().flat_map(|leg| {
+            leg.motor_joints.into_iter().zip(leg.motors).map(|(joint, (_, velocity))| (joint, velocity))
+        });
+        legs.chain(self.held.iter().map(|held| (held.joint, held.velocity)))
     }
 
     /// Torque-speed curve and current limit of every motor.

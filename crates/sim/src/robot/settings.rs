@@ -1,6 +1,7 @@
 //! What `robot.toml` says.
 
 use canter_gait::LegGeometry;
+use canter_gait::phase::{FOOTFALLS, phase_offsets, wrap_cycles};
 use canter_gait::prior::{LegParameters, SineWave, Stepping, SteppingParameters, Waveform};
 
 use crate::settings::above;
@@ -13,8 +14,11 @@ settings! {
         pub name: String,
         /// One line for `canter robots`.
         pub description: String,
-        /// The MuJoCo model (MJCF or URDF), a file beside this one. Its reference configuration is the standing pose.
+        /// The MuJoCo model (MJCF or URDF): its path from this file's folder.
         pub model: String,
+        /// Name of the model's keyframe that is the standing pose; absent: its reference configuration. The feet stand below
+        /// the hips in it.
+        pub keyframe: Option<String>,
         /// The floating body whose pose is the robot's.
         pub body: String,
         /// The ground geom.
@@ -27,7 +31,10 @@ settings! {
         pub motor: MotorSettings,
         /// What counts as an accident and what commands may ask for.
         pub limits: LimitSettings,
-        /// The legs, in the order in which gaits and policies count them: front left, back left, back right, front right.
+        /// Motors that stay where they are in the standing pose, such as those that turn a leg sideways.
+        pub held: Option<Vec<HeldSettings>>,
+        /// The legs, in the order in which gaits and policies count them: the left ones from front to back, then the right
+        /// ones from back to front.
         pub legs: Vec<LegSettings>,
         /// The gaits that its owner already has.
         pub gaits: Vec<GaitSettings>,
@@ -64,24 +71,70 @@ settings! {
     }
 }
 
+settings! {
+    /// A motor that is held still.
+    pub struct HeldSettings {
+        /// Its joint, a hinge.
+        pub joint: String,
+        /// Its position actuator.
+        pub actuator: String,
+    }
+}
+
 tagged! {
     /// How a leg is built.
     pub enum LegSettings {
-        /// Two motors on one hip axis, two upper and two lower links that meet at the foot.
+        /// Two motors at the hip, two upper and two lower links that meet at the foot.
         FiveBar(FiveBarSettings) = "five-bar",
+        /// Two links one after the other, a motor at the hip and one at the knee.
+        Serial(SerialSettings) = "serial",
     }
 }
 
 impl LegSettings {
     /// Name of the leg.
     pub fn name(&self) -> &str {
-        let Self::FiveBar(leg) = self;
-        &leg.name
+        match self {
+            Self::FiveBar(leg) => &leg.name,
+            Self::Serial(leg) => &leg.name,
+        }
+    }
+
+    /// Geom of the foot.
+    pub(super) fn foot(&self) -> &str {
+        match self {
+            Self::FiveBar(leg) => &leg.foot,
+            Self::Serial(leg) => &leg.foot,
+        }
+    }
+
+    /// Names of the motor joints, and of the actuators.
+    pub(super) fn motors_and_actuators(&self) -> (&[String], &[String]) {
+        match self {
+            Self::FiveBar(leg) => (&leg.motors, &leg.actuators),
+            Self::Serial(leg) => (&leg.motors, &leg.actuators),
+        }
+    }
+
+    /// Names of the passive joints that close a loop.
+    pub(super) fn knees(&self) -> Option<&[String]> {
+        match self {
+            Self::FiveBar(leg) => Some(&leg.knees),
+            Self::Serial(_) => None,
+        }
+    }
+
+    /// Lengths of upper and lower links [m].
+    pub(super) fn links_m(&self) -> (f64, f64) {
+        match self {
+            Self::FiveBar(leg) => (leg.upper_link_m, leg.lower_link_m),
+            Self::Serial(leg) => (leg.upper_link_m, leg.lower_link_m),
+        }
     }
 }
 
 settings! {
-    /// A coaxial five-bar leg.
+    /// A five-bar leg.
     pub struct FiveBarSettings {
         /// Name of the leg.
         pub name: String,
@@ -91,7 +144,9 @@ settings! {
         pub upper_link_m: f64 in above(0.0),
         /// Length of each lower link [m].
         pub lower_link_m: f64 in above(0.0),
-        /// The two motor joints, zero in the standing pose, positive when the link swings forward; the link that points forward first.
+        /// Distance between the two hip axes, one before the other [m]; absent: 0, both motors are on one axis.
+        pub hip_separation_m: Option<f64> in 0.0..=10.0,
+        /// The two motor joints; the one whose link points forward first.
         pub motors: Vec<String>,
         /// The two passive joints between upper and lower links, in the order of the motors.
         pub knees: Vec<String>,
@@ -99,6 +154,36 @@ settings! {
         pub actuators: Vec<String>,
         /// What the actuators are commanded in.
         pub actuated: Actuated,
+    }
+}
+
+settings! {
+    /// A leg of two links one after the other.
+    pub struct SerialSettings {
+        /// Name of the leg.
+        pub name: String,
+        /// Geom of the foot.
+        pub foot: String,
+        /// Length of the upper link, from the hip's axis to the knee's [m].
+        pub upper_link_m: f64 in above(0.0),
+        /// Length of the lower link, from the knee's axis to the foot's centre [m].
+        pub lower_link_m: f64 in above(0.0),
+        /// Where the knee is against the line from hip to foot.
+        pub knee: KneeSide,
+        /// The motor joints of hip and knee.
+        pub motors: Vec<String>,
+        /// Their position actuators.
+        pub actuators: Vec<String>,
+    }
+}
+
+choices! {
+    /// Where a knee is.
+    pub enum KneeSide {
+        /// In front of the line from hip to foot.
+        Front = "front",
+        /// Behind it.
+        Back = "back",
     }
 }
 
@@ -113,18 +198,30 @@ choices! {
 }
 
 choices! {
-    /// Which legs move together.
+    /// Which legs move together, and when.
     pub enum Footfall {
-        /// Diagonal pairs.
+        /// Four legs: diagonal pairs.
         Trot = "trot",
-        /// One leg after the other.
+        /// Four legs: one after the other.
         Walk = "walk",
-        /// Left and right pairs.
+        /// Four legs: left and right pairs.
         Pace = "pace",
-        /// Front and back pairs.
+        /// Four legs: front and back pairs.
         Bound = "bound",
-        /// All legs together.
+        /// Four legs: all together.
         Pronk = "pronk",
+        /// Four legs: the back ones one shortly after the other, then the front ones.
+        Gallop = "gallop",
+        /// Six legs: front and back of one side with the middle of the other.
+        Tripod = "tripod",
+        /// Six legs: waves from back to front that overlap.
+        Ripple = "ripple",
+        /// Six or eight legs: one after the other from back to front, one side after the other.
+        Wave = "wave",
+        /// Eight legs: every other one.
+        Alternating = "alternating",
+        /// As `phase_offsets_cycles` says.
+        Custom = "custom",
     }
 }
 
@@ -135,6 +232,25 @@ tagged! {
         Sine(SineSettings) = "sine",
         /// The foot trajectory of Doggo's firmware.
         Stepping(SteppingSettings) = "stepping",
+        /// Actuator targets over one cycle, recorded from the robot's own controller.
+        Table(TableSettings) = "table",
+    }
+}
+
+settings! {
+    /// A recorded gait.
+    pub struct TableSettings {
+        /// Name of the gait.
+        pub name: String,
+        /// Whether its speed counts as a default speed, which a learned gait is compared with.
+        pub default: bool,
+        /// Whether it keeps the robot on its feet without a policy.
+        pub stable: bool,
+        /// Cycles per second [Hz].
+        pub stride_frequency_hz: f64 in 0.01..=20.0,
+        /// A CSV file, its path from this file's folder. The first line names the actuators, in any order; each other line has
+        /// their targets [rad] at one moment, at equal times over exactly one cycle.
+        pub table: String,
     }
 }
 
@@ -145,8 +261,12 @@ settings! {
         pub name: String,
         /// Whether its speed counts as a default speed, which a learned gait is compared with.
         pub default: bool,
-        /// Which legs move together.
+        /// Whether it keeps the robot on its feet without a policy; a test holds the robots that come with canter to it.
+        pub stable: bool,
+        /// Which legs move together, and when.
         pub footfall: Footfall,
+        /// For the footfall `custom`: how far each leg is ahead of the clock, in the order of the legs [cycles].
+        pub phase_offsets_cycles: Option<Vec<f64>>,
         /// Cycles per second [Hz].
         pub stride_frequency_hz: f64 in 0.01..=20.0,
         /// Amplitude of the swing angle [rad].
@@ -166,8 +286,12 @@ settings! {
         pub name: String,
         /// Whether its speed counts as a default speed, which a learned gait is compared with.
         pub default: bool,
-        /// Which legs move together.
+        /// Whether it keeps the robot on its feet without a policy; a test holds the robots that come with canter to it.
+        pub stable: bool,
+        /// Which legs move together, and when.
         pub footfall: Footfall,
+        /// For the footfall `custom`: how far each leg is ahead of the clock, in the order of the legs [cycles].
+        pub phase_offsets_cycles: Option<Vec<f64>>,
         /// Cycles per second [Hz].
         pub stride_frequency_hz: f64 in 0.01..=20.0,
         /// Depth of the foot below the hip between flight and stance [m].
@@ -189,6 +313,7 @@ impl GaitSettings {
         match self {
             Self::Sine(sine) => &sine.name,
             Self::Stepping(stepping) => &stepping.name,
+            Self::Table(table) => &table.name,
         }
     }
 
@@ -197,6 +322,7 @@ impl GaitSettings {
         match self {
             Self::Sine(sine) => sine.default,
             Self::Stepping(stepping) => stepping.default,
+            Self::Table(table) => table.default,
         }
     }
 
@@ -205,13 +331,57 @@ impl GaitSettings {
         match self {
             Self::Sine(sine) => sine.stride_frequency_hz,
             Self::Stepping(stepping) => stepping.stride_frequency_hz,
+            Self::Table(table) => table.stride_frequency_hz,
         }
     }
 
-    pub(super) fn footfall(&self) -> Footfall {
+    /// Whether it keeps the robot on its feet without a policy.
+    pub fn is_stable(&self) -> bool {
         match self {
-            Self::Sine(sine) => sine.footfall,
-            Self::Stepping(stepping) => stepping.footfall,
+            Self::Sine(sine) => sine.stable,
+            Self::Stepping(stepping) => stepping.stable,
+            Self::Table(table) => table.stable,
+        }
+    }
+
+    /// Each leg's phase offset [cycles].
+    ///
+    /// # Errors
+    /// The key that is wrong, and why.
+    pub(super) fn phase_offsets(&self, num_legs: usize) -> Result<Vec<f32>, (&'static str, String)> {
+        let (footfall, custom) = match self {
+            Self::Sine(sine) => (sine.footfall, &sine.phase_offsets_cycles),
+            Self::Stepping(stepping) => (stepping.footfall, &stepping.phase_offsets_cycles),
+            // Each leg has a wave of its own.
+            Self::Table(_) => return Ok(vec![0.0; num_legs]),
+        };
+        const KEY: &str = "phase_offsets_cycles";
+        match (footfall, custom) {
+            (Footfall::Custom, Some(offsets)) if offsets.len() == num_legs => {
+                Ok(offsets.iter().map(|&offset| wrap_cycles(offset as f32)).collect())
+            }
+            (Footfall::Custom, Some(offsets)) => {
+                Err((KEY, format!("expected one for each of {num_legs} legs, found {}", offsets.len())))
+            }
+            (Footfall::Custom, None) => Err(("footfall", format!("a `custom` one needs {KEY}"))),
+            (_, Some(_)) => Err((KEY, "these are for the footfall `custom` only".to_owned())),
+            (footfall, None) => {
+                let offsets = phase_offsets(footfall.name(), num_legs);
+                let names = || {
+                    let names = FOOTFALLS.iter().filter(|(_, offsets)| offsets.len() == num_legs);
+                    names.map(|(name, _)| format!("`{name}`, ")).collect::<String>()
+                };
+                let offsets = offsets.map(<[f32]>::to_vec);
+                offsets.ok_or_else(|| ("footfall", format!("for {num_legs} legs there are {}`custom`", names())))
+            }
+        }
+    }
+
+    /// The file of a recorded gait.
+    pub(super) fn table(&self) -> Option<&str> {
+        match self {
+            Self::Table(table) => Some(&table.table),
+            Self::Sine(_) | Self::Stepping(_) => None,
         }
     }
 
@@ -238,6 +408,8 @@ impl GaitSettings {
                 let stepping = Stepping::new(parameters, geometry)?;
                 Some((Waveform::Stepping(stepping), stepping.defaults()))
             }
+            // Its waves are in its file.
+            Self::Table(_) => None,
         }
     }
 }

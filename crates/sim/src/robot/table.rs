@@ -1,0 +1,103 @@
+//! Recorded gaits: a CSV file of actuator targets over one cycle.
+
+use std::path::Path;
+
+use canter_gait::prior::{TABLE_POINTS, Table};
+use canter_gait::{Leg, LegPosition};
+
+use crate::file;
+use crate::settings::MAX_FILE_BYTES;
+
+/// Fewest rows that say something of a cycle.
+const MIN_ROWS: usize = 4;
+
+/// Targets of all actuators over one cycle.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Recording {
+    /// Names of the columns.
+    actuators: Vec<String>,
+    /// One row for each moment, at equal times [rad].
+    rows: Vec<Vec<f64>>,
+}
+
+impl Recording {
+    /// Reads the file at `path`.
+    ///
+    /// # Errors
+    /// What is wrong with it, and in which line.
+    pub fn load(path: &Path) -> Result<Self, String> {
+        let bytes = file::read(path, MAX_FILE_BYTES as u64).map_err(|error| format!("cannot be read: {error}"))?;
+        if bytes.len() > MAX_FILE_BYTES {
+            return Err(format!("expected at most {MAX_FILE_BYTES} bytes"));
+        }
+        let text = String::from_utf8(bytes).map_err(|_| "it is no text".to_owned())?;
+        Self::parse(&text)
+    }
+
+    /// Reads CSV text: a line of names, then lines of numbers.
+    ///
+    /// # Errors
+    /// As [`load`](Self::load).
+    pub fn parse(text: &str) -> Result<Self, String> {
+        let mut lines = text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty());
+        let (_, head) = lines.next().ok_or("it is empty: the first line names the actuators")?;
+        let actuators: Vec<String> = head.split(',').map(|name| name.trim().trim_matches('"').to_owned()).collect();
+        let mut rows = Vec::new();
+        for (index, line) in lines {
+            let number = index + 1;
+            let cells: Vec<&str> = line.split(',').map(str::trim).collect();
+            if cells.len() != actuators.len() {
+                let (expected, found) = (actuators.len(), cells.len());
+                return Err(format!("line {number}: expected {expected} numbers, found {found}"));
+            }
+            let target = |cell: &&str| {
+                let value = cell.parse().ok().filter(|value: &f64| value.is_finite() && value.abs() < 1e3);
+                value.ok_or_else(|| format!("line {number}: `{cell}` is no angle in rad"))
+            };
+            rows.push(cells.iter().map(target).collect::<Result<Vec<f64>, String>>()?);
+        }
+        if rows.len() < MIN_ROWS {
+            return Err(format!("expected at least {MIN_ROWS} lines of numbers, found {}", rows.len()));
+        }
+        Ok(Self { actuators, rows })
+    }
+
+    /// The motion of a leg whose two actuators have these names.
+    ///
+    /// # Errors
+    /// An actuator without a column, or a position that the leg cannot have.
+    pub fn leg(&self, leg: &Leg, names: &[String]) -> Result<Table, String> {
+        let column = |name: &String| {
+            let found = self.actuators.iter().position(|actuator| actuator == name);
+            found.ok_or_else(|| format!("it has no column for the actuator `{name}`"))
+        };
+        let columns = names.iter().map(column).collect::<Result<Vec<usize>, String>>()?;
+        let &[first, second] = &columns[..] else {
+            return Err("a leg has two actuators".to_owned());
+        };
+        let mut positions = [LegPosition::default(); TABLE_POINTS];
+        for (i, position) in positions.iter_mut().enumerate() {
+            let place = i as f64 * self.rows.len() as f64 / TABLE_POINTS as f64;
+            let (row, u) = (place as usize, place.fract());
+            let (from, to) = (&self.rows[row], &self.rows[(row + 1) % self.rows.len()]);
+            let at = |column: usize| (from[column] + u * (to[column] - from[column])) as f32;
+            *position = leg.limits.clamp(leg.position_at([at(first), at(second)]));
+        }
+        Table::new(&positions).ok_or_else(|| format!("the leg of `{}` cannot be so", names[0]))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn broken_lines_are_named() {
+        let error = |text: &str| Recording::parse(text).unwrap_err();
+        assert_eq!(error(""), "it is empty: the first line names the actuators");
+        assert_eq!(error("a,b\n1,2\n3"), "line 3: expected 2 numbers, found 1");
+        assert_eq!(error("a,b\n1,x"), "line 2: `x` is no angle in rad");
+        assert_eq!(error("a,b\n1,nan"), "line 2: `nan` is no angle in rad");
+        assert_eq!(error("a,b\n1,2"), "expected at least 4 lines of numbers, found 1");
+    }
+}

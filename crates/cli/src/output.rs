@@ -56,9 +56,33 @@ pub fn complain(text: &str) {
         let (kind, text) = text.strip_prefix(ERROR).map_or(("warning", text), |text| ("error", text));
         let _ = writeln!(std::io::stderr().lock(), "{}", json!({ "event": kind, kind: text }));
     } else {
-        let _ = writeln!(std::io::stderr().lock(), "{text}");
+        let _ = writeln!(std::io::stderr().lock(), "{}", harmless(text));
     }
+}
+
+/// The text without what would command a terminal: a message may quote a file that somebody else has made.
+fn harmless(text: &str) -> String {
+    let is_harmless = |character: char| !character.is_control() || "\n\t".contains(character);
+    let mut harmless = String::with_capacity(text.len());
+    for character in text.chars() {
+        if is_harmless(character) {
+            harmless.push(character);
+        } else {
+            harmless.extend(character.escape_default());
+        }
+    }
+    harmless
 }
 
 /// What the message that ends the program begins with.
 pub const ERROR: &str = "error: ";
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_commands_a_terminal_is_shown_instead() {
+        assert_eq!(harmless("a\tb\n\u{1b}[2Jc\u{7}é"), "a\tb\n\\u{1b}[2Jc\\u{7}é");
+    }
+}

@@ -97,13 +97,12 @@ impl SteppingParameters {
     }
 }
 
-/// The stepping trajectory of one leg, with its centre and half its range in leg space.
+/// The stepping trajectory of one leg, with its span in leg space.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Stepping {
     parameters: SteppingParameters,
     geometry: LegGeometry,
-    centre: LegPosition,
-    half_range: LegPosition,
+    span: Span,
 }
 
 impl Stepping {
@@ -121,9 +120,9 @@ impl Stepping {
             low = LegPosition { swing: low.swing.min(leg.swing), extension: low.extension.min(leg.extension) };
             high = LegPosition { swing: high.swing.max(leg.swing), extension: high.extension.max(leg.extension) };
         }
-        let (centre, half_range) = middle_and_half(low, high);
-        let moves = half_range.swing > 0.0 && half_range.extension > 0.0;
-        moves.then_some(Self { parameters, geometry, centre, half_range })
+        let span = Span::between(low, high);
+        let moves = span.half_range.swing > 0.0 && span.half_range.extension > 0.0;
+        moves.then_some(Self { parameters, geometry, span })
     }
 
     /// What the trajectory was made from.
@@ -133,6 +132,40 @@ impl Stepping {
 
     /// The parameters with which [`LegGait::position`] gives the firmware's trajectory.
     pub fn defaults(&self) -> LegParameters {
+        self.span.parameters()
+    }
+
+    /// The trajectory in leg space, moved and scaled into [-1, 1].
+    fn at(&self, phase: f32) -> LegPosition {
+        // `new` has checked the whole cycle; between its samples rounding may put the foot just out of reach.
+        let leg = self.geometry.inverse(self.parameters.foot(phase)).unwrap_or(self.span.centre);
+        let Span { centre, half_range } = self.span;
+        LegPosition {
+            swing: (leg.swing - centre.swing) / half_range.swing,
+            extension: (leg.extension - centre.extension) / half_range.extension,
+        }
+    }
+}
+
+/// The part of leg space that a motion fills.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Span {
+    centre: LegPosition,
+    half_range: LegPosition,
+}
+
+impl Span {
+    /// The span between two corners.
+    fn between(low: LegPosition, high: LegPosition) -> Self {
+        let centre =
+            LegPosition { swing: 0.5 * (low.swing + high.swing), extension: 0.5 * (low.extension + high.extension) };
+        let half_range =
+            LegPosition { swing: 0.5 * (high.swing - low.swing), extension: 0.5 * (high.extension - low.extension) };
+        Self { centre, half_range }
+    }
+
+    /// The parameters with which [`LegGait::position`] makes the motion of its wave in [-1, 1].
+    fn parameters(&self) -> LegParameters {
         LegParameters {
             swing_amplitude: self.half_range.swing,
             extension_amplitude: self.half_range.extension,
@@ -140,24 +173,6 @@ impl Stepping {
             extension_offset: self.centre.extension,
         }
     }
-
-    /// The trajectory in leg space, moved and scaled into [-1, 1].
-    fn at(&self, phase: f32) -> LegPosition {
-        // `new` has checked the whole cycle; between its samples rounding may put the foot just out of reach.
-        let leg = self.geometry.inverse(self.parameters.foot(phase)).unwrap_or(self.centre);
-        LegPosition {
-            swing: (leg.swing - self.centre.swing) / self.half_range.swing,
-            extension: (leg.extension - self.centre.extension) / self.half_range.extension,
-        }
-    }
-}
-
-/// The middle between two corners of leg space, and half the way between them.
-fn middle_and_half(low: LegPosition, high: LegPosition) -> (LegPosition, LegPosition) {
-    let middle =
-        LegPosition { swing: 0.5 * (low.swing + high.swing), extension: 0.5 * (low.extension + high.extension) };
-    let half = LegPosition { swing: 0.5 * (high.swing - low.swing), extension: 0.5 * (high.extension - low.extension) };
-    (middle, half)
 }
 
 /// Points of a [`Table`]: a cycle of 0.64 s at 100 Hz.
@@ -168,8 +183,7 @@ pub const TABLE_POINTS: usize = 64;
 pub struct Table {
     /// Moved and scaled into [-1, 1].
     wave: [LegPosition; TABLE_POINTS],
-    centre: LegPosition,
-    half_range: LegPosition,
+    span: Span,
 }
 
 impl Table {
@@ -184,14 +198,14 @@ impl Table {
             low = LegPosition { swing: low.swing.min(leg.swing), extension: low.extension.min(leg.extension) };
             high = LegPosition { swing: high.swing.max(leg.swing), extension: high.extension.max(leg.extension) };
         }
-        let (centre, half_range) = middle_and_half(low, high);
+        let span = Span::between(low, high);
         // A coordinate that does not move has no wave.
         let scaled = |value: f32, half: f32| if half > 0.0 { value / half } else { 0.0 };
         let wave = positions.map(|leg| LegPosition {
-            swing: scaled(leg.swing - centre.swing, half_range.swing),
-            extension: scaled(leg.extension - centre.extension, half_range.extension),
+            swing: scaled(leg.swing - span.centre.swing, span.half_range.swing),
+            extension: scaled(leg.extension - span.centre.extension, span.half_range.extension),
         });
-        Some(Self { wave, centre, half_range })
+        Some(Self { wave, span })
     }
 
     /// The points, each coordinate in [-1, 1].
@@ -201,12 +215,7 @@ impl Table {
 
     /// The parameters with which [`LegGait::position`] gives the positions back.
     pub fn defaults(&self) -> LegParameters {
-        LegParameters {
-            swing_amplitude: self.half_range.swing,
-            extension_amplitude: self.half_range.extension,
-            swing_offset: self.centre.swing,
-            extension_offset: self.centre.extension,
-        }
+        self.span.parameters()
     }
 
     /// The wave at a leg's `phase` [cycles, in [0, 1)].

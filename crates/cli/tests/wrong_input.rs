@@ -57,7 +57,7 @@ fn a_report_needs_what_it_reports_on() {
 
 #[test]
 fn unknown_presets() {
-    let message = "no preset is called `doggoo`: there are `doggo`, `paper`; a configuration of your own is given by the path \
+    let message = "no preset is called `doggoo`: there are `doggo`, `paper`, `minitaur`, `q8bot`, `quad12`, `hexapod`, `octopod`; a configuration of your own is given by the path \
                    of its .toml file";
     assert_refused(&["train", "doggoo"], message);
     assert_refused(&["config", "doggoo"], message);
@@ -179,7 +179,7 @@ const OWN_ROBOT: [&str; 3] = ["train", "--set", "robot=robot/robot.toml"];
 
 #[test]
 fn robots_that_are_not_there() {
-    let message = "no robot is called `nobot`: there are doggo; a robot of your own is given by the path of its file, like nobot/robot.toml";
+    let message = "no robot is called `nobot`: there are doggo, minitaur, q8bot, quad12, hexapod, octopod; a robot of your own is given by the path of its file, like nobot/robot.toml";
     assert_refused(&["train", "--set", "robot=nobot"], message);
     assert_refused(&["eval", "--robot", "nobot", "--prior", "sine"], message);
     assert_refused(&["robots", "nobot"], message);

@@ -109,7 +109,7 @@ const ROBOTS: [Robot; 5] = [
         description: "Q8bot-sized: 0.22 kg, four small five-bar legs with their hips apart, eight servos",
         sources: "Links 25 and 40 mm, hips 19.5 mm apart, 0.22 kg, XL330-M077 servos: the public Q8bot project. Servo:\n\
                   0.215 N m and 383 rpm at 5 V, 18 g (its data sheet), torque limited to 0.2 N m, rotor behind the\n\
-                  gear 1e-4 kg m^2, gains [A]. Masses of the links, hips [A].",
+                  gear 2e-5 kg m^2, gains [A]. Masses of the links, hips [A].",
         kind: Kind::FiveBar { hip_separation_m: 0.0195 },
         rows: 2,
         row_spacing_m: 0.09,

@@ -44,7 +44,7 @@ pub fn say(text: &str) {
     if is_json() {
         event("message", || text.trim().into());
     } else {
-        let _ = writeln!(std::io::stdout().lock(), "{text}");
+        let _ = writeln!(std::io::stdout().lock(), "{}", harmless(text));
     }
 }
 

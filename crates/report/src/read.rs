@@ -503,9 +503,14 @@ fn json<T: DeserializeOwned>(path: &Path, advice: &'static str) -> Result<T, Rep
 fn text(path: &Path, advice: &'static str) -> Result<String, ReportError> {
     let mut text = String::new();
     let mut read = || {
+        let metadata = path.metadata()?;
+        // Opening a pipe would wait for its other end.
+        if !metadata.is_file() {
+            return Err(std::io::Error::other("this is no file"));
+        }
+        let is_large = metadata.len() > MAX_FILE_BYTES;
         let file = File::open(path)?;
-        let is_large = file.metadata()?.len() > MAX_FILE_BYTES;
-        // What is no ordinary file may have no length and no end.
+        // It may grow while it is read.
         file.take(if is_large { 0 } else { MAX_FILE_BYTES }).read_to_string(&mut text)?;
         Ok(is_large || text.len() as u64 == MAX_FILE_BYTES)
     };

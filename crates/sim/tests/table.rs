@@ -75,5 +75,6 @@ fn what_is_wrong_with_a_recording_is_named() {
     };
     refused("no_column", |text| text.replacen("back_left_swing", "back_left_swung", 1), "no column for the actuator");
     refused("cut", |text| text.lines().next().unwrap().to_owned(), "expected at least 4 lines of numbers, found 0");
+    refused("degrees", |text| text.replacen("0.", "40.", 9), "beyond the leg's limits");
     refused("words", |text| text.replacen('.', "x", 1), "is no angle in rad");
 }

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::environment::TrainingEnvironment;
 use crate::tensors::{TensorError, TensorFile};
-use crate::trainer::{Progress, Trainer};
+use crate::trainer::{MAX_DIVERGENCES, Progress, Trainer};
 
 /// Version of the format; readers refuse others.
 const FORMAT_VERSION: u32 = 2;
@@ -112,6 +112,10 @@ impl Checkpoint {
         let Card { iterations, env_steps, episodes, gradient_steps, observations, .. } = card;
         if [iterations, env_steps, episodes, gradient_steps, observations].iter().any(|&count| count > LARGEST_COUNT) {
             return Err(CheckpointError::Mismatch("it counts more than any training comes to".to_owned()));
+        }
+        if card.divergences > MAX_DIVERGENCES || !(0.0..=1.0).contains(&card.learning_rate) {
+            let message = "its divergences or its learning rate are beyond what a training has".to_owned();
+            return Err(CheckpointError::Mismatch(message));
         }
         Ok(Self { card, file })
     }

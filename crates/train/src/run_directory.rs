@@ -4,6 +4,7 @@ use std::fs::{self, File, OpenOptions, TryLockError};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
+use canter_sim::file;
 use canter_sim::settings::{Document, write_commented};
 
 use crate::blow_up::{BlowUp, DumpError};
@@ -11,7 +12,7 @@ use crate::checkpoint::{Checkpoint, CheckpointError};
 use crate::config::{ConfigError, Resolved, RunConfig, resolve};
 use crate::policy_file::{PolicyError, PolicyFile};
 use crate::tensorboard::EventFile;
-use crate::tensors::read_file;
+use crate::tensors::{MAX_FILE_BYTES, read_file};
 use crate::trajectory::Trajectory;
 
 /// Endings of files that a writer has not finished.
@@ -19,6 +20,9 @@ const TEMPORARY_ENDING: &str = "tmp";
 
 /// The file that a writer holds locked.
 const LOCK_NAME: &str = "lock";
+
+/// More of `metrics.jsonl` or the event file is not read: a million iterations have as much [bytes].
+pub(crate) const MAX_LOG_BYTES: u64 = 1 << 30;
 
 /// Checkpoints that are kept; older ones are removed.
 const KEPT_CHECKPOINTS: usize = 3;
@@ -56,6 +60,18 @@ pub enum RunError {
         free: u64,
         /// What is needed [bytes].
         needed: u64,
+    },
+    /// No checkpoint of the training could be read again.
+    #[error(
+        "{}: a checkpoint of this training has {} MiB, more than the {} that are read: fewer environments, or a model that \
+         keeps less state",
+        .path.display(), .bytes >> 20, MAX_FILE_BYTES >> 20
+    )]
+    TooLarge {
+        /// The folder of the checkpoints.
+        path: PathBuf,
+        /// Size of a checkpoint [bytes].
+        bytes: u64,
     },
     /// Something else is there already.
     #[error("{}: this folder is not empty; choose another with --out, or go on with `canter resume {}`", .0.display(), .0.display())]
@@ -210,7 +226,11 @@ impl RunDirectory {
     /// There is not, or the system does not tell.
     pub fn check_room(&self, checkpoint: &Checkpoint) -> Result<(), RunError> {
         // One more than are kept: an old one is removed after a new one is whole.
-        let needed = (KEPT_CHECKPOINTS as u64 + 1) * checkpoint.to_bytes().len() as u64 + ROOM_FOR_RESULTS;
+        let checkpoint_bytes = checkpoint.to_bytes().len() as u64;
+        if checkpoint_bytes > MAX_FILE_BYTES {
+            return Err(RunError::TooLarge { path: self.checkpoint_folder(), bytes: checkpoint_bytes });
+        }
+        let needed = (KEPT_CHECKPOINTS as u64 + 1) * checkpoint_bytes + ROOM_FOR_RESULTS;
         let system = rustix::fs::statvfs(&self.path).map_err(|error| io_error(&self.path, error.into()))?;
         let free = system.f_bavail * system.f_frsize;
         if free < needed { Err(RunError::NoRoom { path: self.path.clone(), free, needed }) } else { Ok(()) }
@@ -396,7 +416,7 @@ fn is_temporary(path: &Path) -> bool {
 
 /// The content of a `metrics.jsonl`, if there is one, without the lines that are no text.
 pub(crate) fn read_metrics(path: &Path) -> Result<Option<String>, RunError> {
-    match fs::read(path) {
+    match file::read(path, MAX_LOG_BYTES) {
         Ok(bytes) => {
             let lines = bytes.split_inclusive(|&byte| byte == b'\n');
             Ok(Some(lines.filter_map(|line| std::str::from_utf8(line).ok()).collect()))

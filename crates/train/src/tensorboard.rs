@@ -3,15 +3,16 @@
 //! The file holds nothing that is not in `metrics.jsonl`, so it can be made again from there at any time. While a run is
 //! trained it grows by one record an iteration.
 
-use std::fs::{self, File, OpenOptions};
+use std::fs::{File, OpenOptions};
 use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};
 
+use canter_sim::file;
 use crc::{CRC_32_ISCSI, Crc};
 use prost::Message;
 use serde_json::Value;
 
-use crate::run_directory::{RunError, io_error, write_whole};
+use crate::run_directory::{MAX_LOG_BYTES, RunError, io_error, write_whole};
 
 /// TensorBoard looks for names that hold `tfevents`.
 const FILE_NAME: &str = "events.out.tfevents.canter";
@@ -72,7 +73,7 @@ impl EventFile {
         for line in metrics.lines().filter_map(|line| serde_json::from_str(line).ok()) {
             bytes.extend(encoder.encode(&line));
         }
-        let present = match fs::read(&path) {
+        let present = match file::read(&path, MAX_LOG_BYTES) {
             Err(error) if error.kind() == ErrorKind::NotFound => Vec::new(),
             present => present.map_err(|source| io_error(&path, source))?,
         };

@@ -15,7 +15,7 @@ const METADATA_KEY: &str = "canter";
 const CHECKSUM_NAME: &str = "checksum";
 
 /// A policy, a checkpoint or a measurement of more bytes is a mistake: the largest that canter can write has 40 MB.
-const MAX_FILE_BYTES: u64 = 1 << 27;
+pub(crate) const MAX_FILE_BYTES: u64 = 1 << 27;
 
 /// The content of a file, unless it is larger than any of ours.
 pub(crate) fn read_file(path: &Path) -> io::Result<Vec<u8>> {

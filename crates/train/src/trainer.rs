@@ -23,7 +23,7 @@ use crate::environment::TrainingEnvironment;
 use crate::executor::Workers;
 
 /// Updates of a training that may diverge and be undone; the next one ends it.
-const MAX_DIVERGENCES: u64 = 5;
+pub(crate) const MAX_DIVERGENCES: u64 = 5;
 
 /// What a divergence does to the learning rate, from then on.
 const LEARNING_RATE_FACTOR: f64 = 0.5;

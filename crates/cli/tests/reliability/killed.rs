@@ -44,7 +44,8 @@ fn killed_and_resumed_runs_end_with_the_bytes_of_an_undisturbed_one() {
         fs::remove_dir_all(folder.join(&run)).unwrap();
     }
     println!("{num_runs} runs, {num_kills} kills, {num_inside_a_write} of them inside a write: all the same bytes");
-    assert!(num_inside_a_write > 0, "no kill of {num_kills} was inside a write");
+    // One in seven is: few kills may all miss.
+    assert!(num_inside_a_write > 0 || num_runs < 50, "no kill of {num_kills} was inside a write");
 }
 
 /// Trains, or goes on with what is there.

@@ -1,6 +1,6 @@
 //! Five-bar legs: two motors at the hip, two upper links, two lower links that meet at the foot.
 
-use super::{FootPosition, LegPosition, triangle_angle};
+use super::{FootPosition, LegPosition, nearest_triangle_angle, triangle_angle};
 
 /// A five-bar leg with both hips on one axis, as Doggo's and Minitaur's, or one before the other, as Q8bot's.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -44,8 +44,8 @@ impl FiveBar {
         self.stance_half_angle
     }
 
-    /// Distance from the middle of the hips to the foot [m] at this `extension` [rad]; NaN where the lower links cannot
-    /// meet.
+    /// Distance from the middle of the hips to the foot [m] at this `extension` [rad]; where the lower links cannot
+    /// meet, that of the upper links' ends.
     ///
     /// ```text
     /// gamma = gamma_stance - extension
@@ -58,7 +58,8 @@ impl FiveBar {
     pub fn length(&self, extension: f32) -> f32 {
         let gamma = self.stance_half_angle - extension;
         let across = self.half_separation_m + self.upper_link_m * libm::sinf(gamma);
-        self.upper_link_m * libm::cosf(gamma) + libm::sqrtf(self.lower_link_m * self.lower_link_m - across * across)
+        self.upper_link_m * libm::cosf(gamma)
+            + libm::sqrtf((self.lower_link_m * self.lower_link_m - across * across).max(0.0))
     }
 
     /// The extension [rad] at which the leg has this length [m]; `None` where it cannot have it.
@@ -94,12 +95,12 @@ impl FiveBar {
         [1.0, -1.0].map(|side: f32| {
             let ahead = forward - side * self.half_separation_m;
             let from_hip = libm::hypotf(ahead, down);
-            let delta = triangle_angle(self.upper_link_m, from_hip, self.lower_link_m).unwrap_or(f32::NAN);
+            let delta = nearest_triangle_angle(self.upper_link_m, from_hip, self.lower_link_m);
             libm::atan2f(ahead, down) + side * (delta - self.stance_half_angle)
         })
     }
 
-    /// The leg position at these motor angles; NaN where the lower links cannot meet.
+    /// The leg position at these motor angles; where the lower links cannot meet, the foot is between the knees.
     ///
     /// ```text
     /// d = 0:      swing = (motor_a + motor_b) / 2,  extension = (motor_b - motor_a) / 2
@@ -118,15 +119,18 @@ impl FiveBar {
         };
         let (front, back) = (knee(1.0, motor_a), knee(-1.0, motor_b));
         let (forward, down) = (front.forward_m - back.forward_m, front.down_m - back.down_m);
-        let half = 0.5 * libm::hypotf(forward, down);
+        // Knees in one place are no line to be across.
+        let half = (0.5 * libm::hypotf(forward, down)).max(f32::MIN_POSITIVE);
         // From the middle between the knees, across the line between them.
-        let across = libm::sqrtf(self.lower_link_m * self.lower_link_m - half * half) / (2.0 * half);
+        let across = libm::sqrtf((self.lower_link_m * self.lower_link_m - half * half).max(0.0)) / (2.0 * half);
         let foot = FootPosition {
             forward_m: 0.5 * (front.forward_m + back.forward_m) - across * down,
             down_m: 0.5 * (front.down_m + back.down_m) + across * forward,
         };
+        let from_hip_m = libm::hypotf(libm::hypotf(foot.forward_m, foot.down_m), self.half_separation_m);
+        let between = nearest_triangle_angle(self.upper_link_m, from_hip_m, self.lower_link_m);
         let length = libm::hypotf(foot.forward_m, foot.down_m);
-        let extension = self.extension(length).unwrap_or(f32::NAN);
+        let extension = self.stance_half_angle - (between - libm::atan2f(self.half_separation_m, length));
         LegPosition { swing: libm::atan2f(foot.forward_m, foot.down_m), extension }
     }
 

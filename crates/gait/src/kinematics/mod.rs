@@ -37,9 +37,18 @@ pub struct FootPosition {
 ///
 /// Source: law of cosines.
 fn triangle_angle(side: f32, other_side: f32, opposite: f32) -> Option<f32> {
-    let squares = side * side + other_side * other_side - opposite * opposite;
-    let cosine = squares / (2.0 * side * other_side);
+    let cosine = triangle_cosine(side, other_side, opposite);
     (-1.0..=1.0).contains(&cosine).then(|| libm::acosf(cosine))
+}
+
+/// The same angle, or that of the nearest triangle that there is: commands and readings just outside of what a leg can do
+/// must not become something that is no number.
+fn nearest_triangle_angle(side: f32, other_side: f32, opposite: f32) -> f32 {
+    libm::acosf(triangle_cosine(side, other_side, opposite).clamp(-1.0, 1.0))
+}
+
+fn triangle_cosine(side: f32, other_side: f32, opposite: f32) -> f32 {
+    (side * side + other_side * other_side - opposite * opposite) / (2.0 * side * other_side)
 }
 
 /// How a leg is built.
@@ -52,7 +61,7 @@ pub enum LegGeometry {
 }
 
 impl LegGeometry {
-    /// Distance from hip to foot [m] at this `extension` [rad]; NaN where the links cannot reach.
+    /// Distance from hip to foot [m] at this `extension` [rad].
     pub fn length(&self, extension: f32) -> f32 {
         match self {
             Self::FiveBar(leg) => leg.length(extension),
@@ -98,7 +107,7 @@ impl LegGeometry {
         }
     }
 
-    /// The leg position at these motor angles [rad]; NaN where the leg cannot be so.
+    /// The leg position at these motor angles [rad], or the nearest that the leg can have.
     #[inline]
     pub fn leg_position(&self, motor_angles: [f32; 2]) -> LegPosition {
         match self {
@@ -263,6 +272,21 @@ mod tests {
         }
         assert_eq!(turned.joint_angle(0.25), 0.65);
         assert_eq!(straight.joint_angle(0.0), -1.8);
+    }
+
+    #[test]
+    fn whatever_is_asked_of_a_leg_its_targets_are_numbers() {
+        for geometry in legs().into_iter().chain([LegGeometry::Serial(SerialLeg::new(0.2, 0.1, false, 0.2).unwrap())]) {
+            for i in -40..=40 {
+                for j in -40..=40 {
+                    let position = LegPosition { swing: i as f32 * 0.1, extension: j as f32 * 0.1 };
+                    let angles = geometry.motor_angles(position);
+                    let back = geometry.leg_position([position.swing, position.extension]);
+                    let all = [angles[0], angles[1], back.swing, back.extension, geometry.length(position.extension)];
+                    assert!(all.iter().all(|value| value.is_finite()), "{geometry:?} {position:?}: {all:?}");
+                }
+            }
+        }
     }
 
     #[test]

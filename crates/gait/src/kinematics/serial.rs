@@ -1,6 +1,6 @@
 //! Serial legs: a hip motor that swings the upper link and a knee motor that turns the lower link against it.
 
-use super::{LegPosition, triangle_angle};
+use super::{LegPosition, nearest_triangle_angle, triangle_angle};
 
 /// A leg of two links one after the other, as most quadrupeds have it. A third motor that turns the leg sideways is held
 /// still and is not part of it.
@@ -39,7 +39,7 @@ impl SerialLeg {
         self.knee_side > 0.0
     }
 
-    /// Distance from hip to foot [m] at this `extension` [rad]; NaN where the links cannot reach.
+    /// Distance from hip to foot [m] at this `extension` [rad].
     ///
     /// ```text
     /// gamma = gamma_stance - extension
@@ -52,7 +52,8 @@ impl SerialLeg {
     pub fn length(&self, extension: f32) -> f32 {
         let gamma = self.stance_half_angle - extension;
         let across = self.upper_link_m * libm::sinf(gamma);
-        self.upper_link_m * libm::cosf(gamma) + libm::sqrtf(self.lower_link_m * self.lower_link_m - across * across)
+        self.upper_link_m * libm::cosf(gamma)
+            + libm::sqrtf((self.lower_link_m * self.lower_link_m - across * across).max(0.0))
     }
 
     /// The extension [rad] at which the leg has this length [m]; `None` where it cannot have it.
@@ -62,7 +63,8 @@ impl SerialLeg {
 
     /// Angle at the knee by which the lower link departs from the upper link's direction [rad], without its sign.
     fn fold(&self, gamma: f32) -> f32 {
-        gamma + libm::asinf(self.upper_link_m * libm::sinf(gamma) / self.lower_link_m)
+        let sine = self.upper_link_m * libm::sinf(gamma) / self.lower_link_m;
+        gamma + libm::asinf(sine.clamp(-1.0, 1.0))
     }
 
     /// Angles of hip and knee motor [rad]: positive when their link swings forward, zero in the standing pose.
@@ -81,7 +83,7 @@ impl SerialLeg {
         [leg.swing - self.knee_side * leg.extension, self.knee_side * knee]
     }
 
-    /// The leg position at these motor angles; NaN where the leg cannot be so.
+    /// The leg position at these motor angles.
     ///
     /// ```text
     /// fold = fold(gamma_stance) - s knee,  L^2 = L1^2 + L2^2 + 2 L1 L2 cos(fold),
@@ -93,7 +95,9 @@ impl SerialLeg {
         let fold = self.fold(self.stance_half_angle) - self.knee_side * knee;
         let (upper, lower) = (self.upper_link_m, self.lower_link_m);
         let squares = upper * upper + lower * lower + 2.0 * upper * lower * libm::cosf(fold);
-        let extension = self.extension(libm::sqrtf(squares)).unwrap_or(f32::NAN);
+        // Rounding must not make a stretched or folded leg longer or shorter than it can be.
+        let length = libm::sqrtf(squares.max(0.0)).max(f32::MIN_POSITIVE);
+        let extension = self.stance_half_angle - nearest_triangle_angle(upper, length, lower);
         LegPosition { swing: hip + self.knee_side * extension, extension }
     }
 }

@@ -364,7 +364,7 @@ fn named_gait(
     let offsets = gait.phase_offsets(legs.len()).map_err(|(key, message)| problem(key, message)).ok()?;
     let recording = match gait.table() {
         Some(table) => {
-            let loaded = Recording::load(&folder.unwrap_or(Path::new("")).join(table));
+            let loaded = Recording::load(folder.unwrap_or(Path::new("")), table);
             Some(loaded.map_err(|message| problem("table", message)).ok()?)
         }
         None => None,

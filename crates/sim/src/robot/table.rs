@@ -8,6 +8,9 @@ use canter_gait::{Leg, LegPosition};
 use crate::file;
 use crate::settings::MAX_FILE_BYTES;
 
+/// How far a recording may go beyond the leg's limits: it is held to them [rad].
+const TOLERANCE_RAD: f32 = 0.01;
+
 /// Fewest rows that say something of a cycle.
 const MIN_ROWS: usize = 4;
 
@@ -21,12 +24,19 @@ pub struct Recording {
 }
 
 impl Recording {
-    /// Reads the file at `path`.
+    /// Reads a file in the robot's `folder`, or below it.
     ///
     /// # Errors
     /// What is wrong with it, and in which line.
-    pub fn load(path: &Path) -> Result<Self, String> {
-        let bytes = file::read(path, MAX_FILE_BYTES as u64).map_err(|error| format!("cannot be read: {error}"))?;
+    pub fn load(folder: &Path, name: &str) -> Result<Self, String> {
+        let cannot_be_read = |error| format!("cannot be read: {error}");
+        let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
+        // Links are followed first.
+        let path = folder.join(name).canonicalize().map_err(cannot_be_read)?;
+        if !path.starts_with(folder.canonicalize().map_err(cannot_be_read)?) {
+            return Err("it lies outside the robot's folder: copy it beside robot.toml".to_owned());
+        }
+        let bytes = file::read(&path, MAX_FILE_BYTES as u64).map_err(cannot_be_read)?;
         if bytes.len() > MAX_FILE_BYTES {
             return Err(format!("expected at most {MAX_FILE_BYTES} bytes"));
         }
@@ -81,7 +91,18 @@ impl Recording {
             let (row, u) = (place as usize, place.fract());
             let (from, to) = (&self.rows[row], &self.rows[(row + 1) % self.rows.len()]);
             let at = |column: usize| (from[column] + u * (to[column] - from[column])) as f32;
-            *position = leg.limits.clamp(leg.position_at([at(first), at(second)]));
+            let recorded = leg.position_at([at(first), at(second)]);
+            *position = leg.limits.clamp(recorded);
+            let beyond = (recorded.swing - position.swing).abs().max((recorded.extension - position.extension).abs());
+            if beyond.is_nan() || beyond > TOLERANCE_RAD {
+                let [first, second] = [at(first), at(second)];
+                return Err(format!(
+                    "row {} puts `{}` at {first} and `{}` at {second} rad, beyond the leg's limits",
+                    row + 1,
+                    names[0],
+                    names[1]
+                ));
+            }
         }
         Table::new(&positions).ok_or_else(|| format!("the leg of `{}` cannot be so", names[0]))
     }

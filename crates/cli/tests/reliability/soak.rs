@@ -48,8 +48,11 @@ impl Held {
 fn nothing_leaks_while_faults_are_injected() {
     let folder = TemporaryFolder::new();
     let resolved = tiny();
-    let end = Instant::now() + Duration::from_secs(amount("CANTER_SOAK_S", 10));
+    let (begin, length) = (Instant::now(), Duration::from_secs(amount("CANTER_SOAK_S", 10)));
+    let end = begin + length;
     let (mut cycles, mut start, mut most) = (0, None, Held::now());
+    // A leak grows evenly; an allocator that keeps what it once had comes to rest.
+    let mut by_tenths = Vec::new();
     while Instant::now() < end || cycles <= WARM_UP_CYCLES {
         cycle(&folder, &resolved);
         cycles += 1;
@@ -57,9 +60,13 @@ fn nothing_leaks_while_faults_are_injected() {
         if cycles <= WARM_UP_CYCLES {
             start = Some(most);
         }
+        if begin.elapsed() >= length * (by_tenths.len() as u32 + 1) / 10 {
+            by_tenths.push(most.resident >> 10);
+        }
     }
     let start = start.unwrap();
     println!("{cycles} cycles: {start:?} after the first {WARM_UP_CYCLES}, {most:?} at the end");
+    println!("resident after each tenth of the time [KiB]: {by_tenths:?}");
     // Other tests of this binary run beside this one unless it is run alone, as `cargo xtask reliability` does.
     if std::env::var_os("CANTER_SOAK_S").is_some() {
         assert_eq!((most.files, most.threads), (start.files, start.threads));

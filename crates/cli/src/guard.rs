@@ -14,6 +14,7 @@ use std::time::Duration;
 use rustix::process::Signal;
 
 use crate::error::FAILURE;
+use crate::output::ERROR;
 
 /// Processor time in which a model has to be compiled [s]; a large one takes one second.
 const CPU_LIMIT_S: u64 = 20;
@@ -84,7 +85,7 @@ fn verdict(status: ExitStatus, complaint: &str) -> Result<(), String> {
         ));
     }
     if status.code() == Some(FAILURE.into()) {
-        return Err(complaint.trim().trim_start_matches("error: ").to_owned());
+        return Err(complaint.trim().trim_start_matches(ERROR).to_owned());
     }
     #[cfg(unix)]
     if let Some(signal) = std::os::unix::process::ExitStatusExt::signal(&status) {

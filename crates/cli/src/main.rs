@@ -20,7 +20,7 @@ use clap::Parser;
 use crate::args::{Cli, Command};
 
 fn main() -> ExitCode {
-    canter_sim::mujoco::set_fatal_handler(|message| output::complain(&format!("error: MuJoCo: {message}")));
+    canter_sim::mujoco::set_fatal_handler(|message| output::complain(&format!("{}MuJoCo: {message}", output::ERROR)));
     canter_sim::robot::set_model_guard(guard::model_guard);
     let result = match Cli::parse().command {
         Command::Train(args) => commands::train::train(&args),

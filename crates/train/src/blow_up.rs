@@ -5,7 +5,8 @@ use std::sync::Arc;
 use canter_sim::{Accident, Env, Task};
 use serde::{Deserialize, Serialize};
 
-use crate::tensors::{TensorError, TensorFile};
+use crate::checkpoint::CheckpointError;
+use crate::tensors::TensorFile;
 
 /// Version of the format; readers refuse others.
 const FORMAT_VERSION: u32 = 1;
@@ -79,20 +80,6 @@ struct Card {
     robot_fingerprint: String,
 }
 
-/// Why a dump cannot be used.
-#[derive(Debug, thiserror::Error)]
-pub enum DumpError {
-    /// The container or an array is wrong.
-    #[error(transparent)]
-    Tensors(#[from] TensorError),
-    /// The metadata is wrong.
-    #[error("its metadata cannot be read: {0}")]
-    Metadata(#[from] serde_json::Error),
-    /// It belongs to another configuration, robot or version.
-    #[error("{0}")]
-    Mismatch(String),
-}
-
 /// A robot at the end of an env step that was stepped through again.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ReplayedStep {
@@ -139,12 +126,12 @@ impl BlowUp {
     ///
     /// # Errors
     /// Bytes that are no dump of this version.
-    pub fn from_bytes(bytes: &[u8]) -> Result<Self, DumpError> {
+    pub fn from_bytes(bytes: &[u8]) -> Result<Self, CheckpointError> {
         let file = TensorFile::from_bytes(bytes)?;
         let card: Card = serde_json::from_str(file.metadata())?;
         if card.dump_version != FORMAT_VERSION {
             let message = format!("it has version {}, this canter reads version {FORMAT_VERSION}", card.dump_version);
-            return Err(DumpError::Mismatch(message));
+            return Err(CheckpointError::Mismatch(message));
         }
         let whole = |name: &str| file.shape(name).map(<[usize]>::to_vec).unwrap_or_default();
         Ok(Self {
@@ -160,19 +147,19 @@ impl BlowUp {
     ///
     /// # Errors
     /// A dump of another configuration or robot.
-    pub fn replay(&self, task: &Arc<Task>) -> Result<Vec<ReplayedStep>, DumpError> {
+    pub fn replay(&self, task: &Arc<Task>) -> Result<Vec<ReplayedStep>, CheckpointError> {
         if self.robot_fingerprint != fingerprint(task) {
             let message = "the robot's files have changed since: put them back".to_owned();
-            return Err(DumpError::Mismatch(message));
+            return Err(CheckpointError::Mismatch(message));
         }
         let num_steps = self.num_steps(task);
         if num_steps > 2 * WINDOW_STEPS || num_steps * task.num_actions() != self.actions.len() {
             let message = "its actions are not those of this run's configuration".to_owned();
-            return Err(DumpError::Mismatch(message));
+            return Err(CheckpointError::Mismatch(message));
         }
         let mut env = Env::new(task.clone());
         let mut observation = vec![0.0; task.num_observations()];
-        env.set_state(&self.state, &mut observation).map_err(DumpError::Mismatch)?;
+        env.set_state(&self.state, &mut observation).map_err(CheckpointError::Mismatch)?;
         let start_s = env.simulation().time_s();
         let steps = self.actions.chunks_exact(task.num_actions());
         Ok(steps

@@ -35,7 +35,7 @@ pub struct Checkpoint {
     file: TensorFile,
 }
 
-/// Why a checkpoint cannot be used.
+/// Why a checkpoint, or the dump of a blow-up, cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum CheckpointError {
     /// It cannot be read.

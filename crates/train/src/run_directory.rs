@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use canter_sim::file;
 use canter_sim::settings::{Document, write_commented};
 
-use crate::blow_up::{BlowUp, DumpError};
+use crate::blow_up::BlowUp;
 use crate::checkpoint::{Checkpoint, CheckpointError};
 use crate::config::{ConfigError, Resolved, RunConfig, resolve};
 use crate::policy_file::{PolicyError, PolicyFile};
@@ -107,7 +107,7 @@ pub enum RunError {
         /// The file.
         path: PathBuf,
         /// Why.
-        source: DumpError,
+        source: CheckpointError,
     },
     /// No checkpoint can be used.
     #[error("{}: no checkpoint to go on from: {reason}", .path.display())]

@@ -4,8 +4,8 @@ mod common;
 
 use std::fs;
 
-use canter_train::blow_up::{BlowUp, DumpError};
-use canter_train::checkpoint::Checkpoint;
+use canter_train::blow_up::BlowUp;
+use canter_train::checkpoint::{Checkpoint, CheckpointError};
 use canter_train::run_directory::{RunDirectory, RunError, read_blow_up};
 use canter_train::tensors::{TensorError, TensorFile};
 use canter_train::trainer::{IterationReport, Trainer};
@@ -64,13 +64,13 @@ fn a_dump_belongs_to_its_run() {
 
     // Other actions than those of the configuration, other robot files, damage.
     let other = tiny(&[("policy.modulation", "leg-amplitude")]);
-    assert!(matches!(back.replay(&other.task), Err(DumpError::Mismatch(_))));
+    assert!(matches!(back.replay(&other.task), Err(CheckpointError::Mismatch(_))));
     let bytes = fs::read(&path).unwrap();
     fs::write(&path, &bytes[..bytes.len() - 1]).unwrap();
-    assert!(matches!(read_blow_up(&path), Err(RunError::Dump { source: DumpError::Tensors(_), .. })));
+    assert!(matches!(read_blow_up(&path), Err(RunError::Dump { source: CheckpointError::Tensors(_), .. })));
     let checkpoint = Checkpoint::of(&trained(&[], 1)).to_bytes();
-    assert!(matches!(BlowUp::from_bytes(&checkpoint), Err(DumpError::Metadata(_))));
-    assert!(matches!(BlowUp::from_bytes(b""), Err(DumpError::Tensors(TensorError::Container(_)))));
+    assert!(matches!(BlowUp::from_bytes(&checkpoint), Err(CheckpointError::Metadata(_))));
+    assert!(matches!(BlowUp::from_bytes(b""), Err(CheckpointError::Tensors(TensorError::Container(_)))));
 }
 
 #[test]

@@ -1,16 +1,16 @@
 //! Serial legs: a hip motor that swings the upper link and a knee motor that turns the lower link against it.
 
-use super::{LegPosition, nearest_triangle_angle, triangle_angle};
+use super::{FiveBar, LegPosition, nearest_triangle_angle};
 
 /// A leg of two links one after the other, as most quadrupeds have it. A third motor that turns the leg sideways is held
 /// still and is not part of it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SerialLeg {
-    upper_link_m: f32,
-    lower_link_m: f32,
+    /// The five-bar leg with both hips on one axis that this is one half of: the angle between the upper link and the line
+    /// from hip to foot is the same.
+    half: FiveBar,
     /// 1 where the knee is in front of the line from hip to foot, -1 where it is behind.
     knee_side: f32,
-    stance_half_angle: f32,
 }
 
 impl SerialLeg {
@@ -18,20 +18,18 @@ impl SerialLeg {
     ///
     /// `None` unless all are positive and the leg can have that length.
     pub fn new(upper_link_m: f32, lower_link_m: f32, knee_in_front: bool, stance_length_m: f32) -> Option<Self> {
-        let stance_half_angle = triangle_angle(upper_link_m, stance_length_m, lower_link_m)?;
-        let knee_side = if knee_in_front { 1.0 } else { -1.0 };
-        let is_possible = upper_link_m > 0.0 && lower_link_m > 0.0 && stance_length_m > 0.0;
-        is_possible.then_some(Self { upper_link_m, lower_link_m, knee_side, stance_half_angle })
+        let half = FiveBar::new(upper_link_m, lower_link_m, 0.0, stance_length_m)?;
+        Some(Self { half, knee_side: if knee_in_front { 1.0 } else { -1.0 } })
     }
 
     /// Length of the upper link [m].
     pub fn upper_link_m(&self) -> f32 {
-        self.upper_link_m
+        self.half.upper_link_m()
     }
 
     /// Length of the lower link [m].
     pub fn lower_link_m(&self) -> f32 {
-        self.lower_link_m
+        self.half.lower_link_m()
     }
 
     /// Whether the knee is in front of the line from hip to foot.
@@ -39,31 +37,19 @@ impl SerialLeg {
         self.knee_side > 0.0
     }
 
-    /// Distance from hip to foot [m] at this `extension` [rad].
-    ///
-    /// ```text
-    /// gamma = gamma_stance - extension
-    /// L = L1 cos(gamma) + sqrt(L2^2 - L1^2 sin(gamma)^2)
-    /// ```
-    ///
-    /// gamma -> the angle between the upper link and the line from hip to foot: half a five-bar leg.
-    ///
-    /// Source: law of cosines in the triangle hip, knee, foot.
+    /// Distance from hip to foot [m] at this `extension` [rad], see [`FiveBar::length`].
     pub fn length(&self, extension: f32) -> f32 {
-        let gamma = self.stance_half_angle - extension;
-        let across = self.upper_link_m * libm::sinf(gamma);
-        self.upper_link_m * libm::cosf(gamma)
-            + libm::sqrtf((self.lower_link_m * self.lower_link_m - across * across).max(0.0))
+        self.half.length(extension)
     }
 
     /// The extension [rad] at which the leg has this length [m]; `None` where it cannot have it.
     pub(super) fn extension(&self, length_m: f32) -> Option<f32> {
-        Some(self.stance_half_angle - triangle_angle(self.upper_link_m, length_m, self.lower_link_m)?)
+        self.half.extension(length_m)
     }
 
     /// Angle at the knee by which the lower link departs from the upper link's direction [rad], without its sign.
     fn fold(&self, gamma: f32) -> f32 {
-        let sine = self.upper_link_m * libm::sinf(gamma) / self.lower_link_m;
+        let sine = self.upper_link_m() * libm::sinf(gamma) / self.lower_link_m();
         gamma + libm::asinf(sine.clamp(-1.0, 1.0))
     }
 
@@ -78,8 +64,8 @@ impl SerialLeg {
     ///
     /// Source: laws of sines and cosines in the triangle hip, knee, foot.
     pub fn motor_angles(&self, leg: LegPosition) -> [f32; 2] {
-        let gamma = self.stance_half_angle - leg.extension;
-        let knee = self.fold(self.stance_half_angle) - self.fold(gamma);
+        let gamma = self.half.stance_half_angle() - leg.extension;
+        let knee = self.fold(self.half.stance_half_angle()) - self.fold(gamma);
         [leg.swing - self.knee_side * leg.extension, self.knee_side * knee]
     }
 
@@ -92,12 +78,12 @@ impl SerialLeg {
     ///
     /// Source: as [`motor_angles`](Self::motor_angles).
     pub fn leg_position(&self, [hip, knee]: [f32; 2]) -> LegPosition {
-        let fold = self.fold(self.stance_half_angle) - self.knee_side * knee;
-        let (upper, lower) = (self.upper_link_m, self.lower_link_m);
+        let fold = self.fold(self.half.stance_half_angle()) - self.knee_side * knee;
+        let (upper, lower) = (self.upper_link_m(), self.lower_link_m());
         let squares = upper * upper + lower * lower + 2.0 * upper * lower * libm::cosf(fold);
         // Rounding must not make a stretched or folded leg longer or shorter than it can be.
         let length = libm::sqrtf(squares.max(0.0)).max(f32::MIN_POSITIVE);
-        let extension = self.stance_half_angle - nearest_triangle_angle(upper, length, lower);
+        let extension = self.half.stance_half_angle() - nearest_triangle_angle(upper, length, lower);
         LegPosition { swing: hip + self.knee_side * extension, extension }
     }
 }

@@ -3,6 +3,8 @@
 use std::path::PathBuf;
 
 use canter_train::compare::protocol::Rung;
+use canter_train::config::DEFAULT_PRESET;
+use canter_train::sweep::plan::Axis;
 use clap::{Args, Parser, Subcommand};
 
 use crate::output::LogFormat;
@@ -33,7 +35,9 @@ pub enum Command {
     Eval(EvalArgs),
     /// Compare learned, tuned and default gaits at equal budgets over several seeds
     Compare(CompareArgs),
-    /// Draw runs or a comparison: one HTML page, figures, tables
+    /// Train with other values of the configuration, over several seeds
+    Sweep(SweepArgs),
+    /// Draw runs, a comparison or a sweep: one HTML page, figures, tables
     Report(ReportArgs),
     /// Film the prior and the learned gait side by side
     Film(FilmArgs),
@@ -60,7 +64,7 @@ Examples:
 Ctrl-C ends the training after the current iteration and saves it; `canter resume` goes on.")]
 pub struct TrainArgs {
     /// Name of a preset, or path of a configuration file (see `canter config`)
-    #[arg(default_value = canter_train::config::DEFAULT_PRESET)]
+    #[arg(default_value = DEFAULT_PRESET)]
     pub preset: String,
     /// Seed of every random stream; the same seed gives the same bytes, whatever the number of threads
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
@@ -188,14 +192,60 @@ pub struct CompareArgs {
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
+  canter sweep --over policy.authority=0,0.25,0.5,0.75,1 --seeds 3      the authority dial
+  canter sweep --over preset=minitaur,q8bot,hexapod --steps 300000      one training of each robot
+  canter sweep --over reward.energy=0.01,0.03,0.1 --over ppo.gamma=0.97,0.98
+                                                                        every combination
+  canter sweep --random 20 --over ppo.learning_rate=1e-4..1e-2/log --over ppo.num_epochs=4,8
+
+Each training is a run directory of its own: `canter report`, `eval` and `film` take it.
+
+Ctrl-C saves and stops; the same command with the folder as --out goes on.")]
+pub struct SweepArgs {
+    /// A preset, or the path of a configuration file
+    #[arg(default_value = DEFAULT_PRESET)]
+    pub preset: String,
+    /// A key of the configuration and its values: KEY=A,B,C, or KEY=LOW..HIGH for random points (KEY=LOW..HIGH/log: evenly
+    /// in the logarithm); `preset` as the key stands for the preset. May be given several times
+    #[arg(long, value_name = "KEY=VALUES", required = true)]
+    pub over: Vec<Axis>,
+    /// That many random points instead of every combination
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=10_000))]
+    pub random: Option<u64>,
+    /// Number of training seeds of each point: 1 to N
+    #[arg(long, value_name = "N", default_value = "1", value_parser = clap::value_parser!(u64).range(1..=1000))]
+    pub seeds: u64,
+    /// The first training seed
+    #[arg(long, value_name = "N", default_value = "1", value_parser = clap::value_parser!(u64).range(0..=9_007_199_254_740_992))]
+    pub first_seed: u64,
+    /// Env steps of each training; the preset's if not given
+    #[arg(long, value_name = "STEPS", value_parser = clap::value_parser!(u64).range(1..=100_000_000_000))]
+    pub steps: Option<u64>,
+    /// Set one value of every training; may be given several times
+    #[arg(long = "set", value_name = "KEY=VALUE", value_parser = key_value)]
+    pub overrides: Vec<(String, String)>,
+    /// The sweep's folder; `runs/sweep-n` if not given
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+    /// Trainings side by side, each on one thread; as many as there are cores if not given
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub threads: Option<u16>,
+    /// Form of what is printed: sentences, or one JSON object a line
+    #[arg(long, value_name = "FORMAT", default_value = "text")]
+    pub log_format: LogFormat,
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
   canter report runs/doggo-1-1                     into the run directory itself
   canter report runs/doggo-* --out several-seeds   several trainings on one page
-  canter report docs/results                       a folder with compare.json
+  canter report docs/results                       a folder with compare.json or sweep.json
 
 It leaves report.html, which needs no other file and no network, figures/*.svg and tables/*.csv. Figures as PNG files
 need a build with the feature `png`: cargo build --release --package canter --features png.")]
 pub struct ReportArgs {
-    /// Run directories that are finished, or one folder with `compare.json`
+    /// Run directories that are finished, or one folder with `compare.json` or `sweep.json`
     #[arg(required = true, value_name = "RUN")]
     pub folders: Vec<PathBuf>,
     /// Folder for the report; the run directory itself if one run is given without it

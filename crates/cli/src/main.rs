@@ -28,6 +28,7 @@ fn main() -> ExitCode {
         Command::Replay(args) => commands::replay::replay(&args),
         Command::Eval(args) => commands::eval::eval(&args),
         Command::Compare(args) => commands::compare::compare(&args),
+        Command::Sweep(args) => commands::sweep::sweep(&args),
         Command::Report(args) => commands::report::report(&args),
         Command::Film(args) => commands::film::film(&args),
         Command::View(args) => commands::view::view(&args),

@@ -10,19 +10,20 @@
 pub mod blow_up;
 pub mod checkpoint;
 pub mod compare;
-
 pub mod config;
 pub mod environment;
 pub mod evaluate;
 pub mod executor;
 pub mod film;
 pub mod footfall;
+pub mod jobs;
 mod json;
 pub mod policy_file;
 pub mod run;
 pub mod run_directory;
 pub mod search;
 pub mod statistics;
+pub mod sweep;
 pub mod tensorboard;
 pub mod tensors;
 pub mod trainer;

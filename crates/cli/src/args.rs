@@ -114,22 +114,23 @@ pub struct ReplayArgs {
     pub json: bool,
 }
 
-#[derive(Debug, Args)]
+#[derive(Clone, Debug, Args)]
 #[command(after_help = "\
 Examples:
   canter eval runs/doggo-1-1                       the policy, its prior and the default gaits
   canter eval runs/doggo-1-1 --slope 10 --json     ten degrees uphill, for a program
   canter eval --robot doggo --prior stepping       a bare gait
+  canter eval --robot hexapod                      every gait that a robot has
 
 Every gait starts from the same random states. Speed is the forward displacement after the first second.")]
 pub struct EvalArgs {
     /// The run directory of a trained policy
-    #[arg(required_unless_present_all = ["robot", "prior"], conflicts_with_all = ["robot", "prior"])]
+    #[arg(required_unless_present = "robot", conflicts_with_all = ["robot", "prior"])]
     pub run: Option<PathBuf>,
     /// Robot of a bare gait: a name (see `canter robots`) or the path of a robot.toml
-    #[arg(long, value_name = "NAME", requires = "prior")]
+    #[arg(long, value_name = "NAME")]
     pub robot: Option<String>,
-    /// Name of a bare gait of that robot
+    /// Name of a bare gait of that robot; all of them if not given
     #[arg(long, value_name = "NAME", requires = "robot")]
     pub prior: Option<String>,
     /// Slope of the ground in degrees, positive uphill

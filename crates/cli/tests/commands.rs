@@ -299,3 +299,19 @@ fn a_run_that_was_killed_before_it_saved_anything_begins_anew() {
         assert!(read(run) == read("whole"), "{run}");
     }
 }
+
+#[test]
+fn every_gait_of_a_robot_is_measured_at_once() {
+    let folder = TemporaryFolder::new();
+    let text = folder.canter(&["eval", "--robot", "octopod", "--episodes", "2"]).succeeded();
+    let names: Vec<&str> = text.lines().skip(2).map_while(|line| line.split_whitespace().next()).collect();
+    assert_eq!(names, ["alternating", "wave"]);
+    assert!(text.contains("alternating (default, stable)"), "{text}");
+    let json = folder.canter(&["eval", "--robot", "octopod", "--episodes", "2", "--json"]).succeeded();
+    let json: Value = serde_json::from_str(&json).unwrap();
+    assert_eq!(json["protocol"]["num_episodes"], 2);
+    for gait in ["alternating", "wave"] {
+        let report = &json["gaits"][gait];
+        assert!(report["falls"] == 0 && report["speed_m_per_s"].as_f64().unwrap() > 0.1, "{report}");
+    }
+}

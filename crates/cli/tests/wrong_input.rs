@@ -47,7 +47,7 @@ fn a_report_needs_what_it_reports_on() {
         said(&["report", "a", "b"]),
         "error: several runs need a folder for their report; give one with --out DIR\n"
     );
-    let alone = "error: compare holds a comparison, which is reported alone and into its own folder; leave out other \
+    let alone = "error: compare holds a comparison or a sweep, which is reported alone and into its own folder; leave out other \
                  folders and --out\n";
     assert_eq!(said(&["report", "a", "compare", "--out", "x"]), alone);
     assert_eq!(said(&["report", "compare", "--out", "x"]), alone);
@@ -80,9 +80,9 @@ fn wrong_values() {
              \"modulate\", \"direct\"; did you mean \"modulate\"?",
         ),
         (
-            "policy.prior=gallop",
-            "policy.prior = \"gallop\" is refused: doggo has no gait called `gallop`: set it to one of `stepping`, `sine`, \
-             `sine-literal`",
+            "policy.prior=canter",
+            "policy.prior = \"canter\" is refused: doggo has no gait called `canter`: set it to one of `stepping`, `sine`, \
+             `sine-literal`, `walk`, `pace`, `bound`, `pronk`, `gallop`",
         ),
         (
             "evaluation.settle_s=10",
@@ -155,7 +155,7 @@ fn wrong_usage() {
         &["eval", "run", "--robot", "doggo", "--prior", "sine"],
         "error: the argument '[RUN]' cannot be used with:\n",
     );
-    assert_wrong_usage(&["eval", "--robot", "doggo"], "error: the following required arguments were not provided:\n");
+    assert_wrong_usage(&["eval", "--prior", "sine"], "error: the following required arguments were not provided:\n");
     assert_wrong_usage(
         &["trian"],
         "error: unrecognized subcommand 'trian'\n\n  tip: a similar subcommand exists: 'train'\n",
@@ -308,9 +308,9 @@ fn policies_of_other_runs() {
 
 #[test]
 fn evaluations_that_cannot_be() {
-    let message = "--set policy.prior=\"gallop\": policy.prior = \"gallop\" is refused: doggo has no gait called `gallop`: set \
-                   it to one of `stepping`, `sine`, `sine-literal`";
-    assert_refused(&["eval", "--robot", "doggo", "--prior", "gallop"], message);
+    let message = "--set policy.prior=\"canter\": policy.prior = \"canter\" is refused: doggo has no gait called `canter`: set \
+                   it to one of `stepping`, `sine`, `sine-literal`, `walk`, `pace`, `bound`, `pronk`, `gallop`";
+    assert_refused(&["eval", "--robot", "doggo", "--prior", "canter"], message);
     for (option, value, message) in [
         ("--episodes", "0", "evaluation.num_episodes = 0 is out of range: expected an integer from 2 to 10000"),
         ("--slope", "-90", "task.slope_deg = -90.0 is out of range: expected a number from -45 to 45"),

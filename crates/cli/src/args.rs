@@ -57,7 +57,8 @@ pub enum Command {
 Examples:
   canter train                                     Doggo's trot, our best settings
   canter train paper --seed 3                      the paper's method
-  canter train doggo --set policy.authority=0.5    keep half of the hand-made gait
+  canter train doggo --authority 0.5               keep half of the hand-made gait
+  canter train --set policy.modulation=residual    add to every actuator target instead
   canter train my-run.toml --out runs/first        a configuration of your own
   canter train --set robot=my-doggo/robot.toml     a robot of your own
 
@@ -75,6 +76,9 @@ pub struct TrainArgs {
     /// Env steps of training; short for `--set training.max_env_steps=N`
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub steps: Option<u64>,
+    /// How much of the gait the policy may change, 0 to 1; short for `--set policy.authority=X`
+    #[arg(long, value_name = "X", allow_negative_numbers = true)]
+    pub authority: Option<f64>,
     /// The run directory; `runs/PRESET-SEED-n` if not given
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,

@@ -73,11 +73,15 @@ fn wrong_values() {
         ("trainig.horizon=64", "trainig = (a table) is not a known key: did you mean \"training\"?"),
         ("ppo.gamma=high", "ppo.gamma = \"high\" has the wrong type: expected a number from 0 to 1"),
         ("ppo.gamma=2", "ppo.gamma = 2 is out of range: expected a number from 0 to 1"),
+        (
+            "policy.ranges.residual_rad=-0.1",
+            "policy.ranges.residual_rad = -0.1 is out of range: expected a number from 0 to 2",
+        ),
         ("seed=1.5", "seed = 1.5 has the wrong type: expected an integer"),
         (
             "policy.modulation=modulat",
             "policy.modulation = \"modulat\" is not a known choice: expected one of \"amplitude\", \"leg-amplitude\", \
-             \"modulate\", \"direct\"; did you mean \"modulate\"?",
+             \"modulate\", \"residual\", \"direct\"; did you mean \"modulate\"?",
         ),
         (
             "policy.prior=canter",

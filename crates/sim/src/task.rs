@@ -77,7 +77,7 @@ settings! {
         /// back: the policy has no favourite side. The robot's sides must be equal, the gait in the mirror itself half a
         /// cycle later (as trot, walk and pace are), and the phase be observed.
         pub symmetric: bool,
-        /// Box of the gait parameters that `modulate` may use.
+        /// Box of the gait parameters that `modulate` may use, and the bound of `residual`.
         pub ranges: RangeSettings,
     }
 }
@@ -95,6 +95,8 @@ settings! {
         pub swing_offset_rad: Vec<f64> in -2.0..=2.0,
         /// Change of the extension about which a leg moves [rad]; absent: up to half that amplitude, both ways.
         pub extension_offset_rad: Option<Vec<f64>> in -2.0..=2.0,
+        /// How far `residual` may move an actuator target, either way, at full authority [rad]; absent: 0.2.
+        pub residual_rad: Option<f64> in 0.0..=2.0,
     }
 }
 
@@ -107,6 +109,8 @@ choices! {
         LegAmplitude = "leg-amplitude",
         /// The stride frequency, and amplitudes and offsets of each leg.
         Modulate = "modulate",
+        /// The actuator targets, each by an addition of at most `ranges.residual_rad`.
+        Residual = "residual",
         /// The motor angles, without a prior: the paper's control experiment.
         Direct = "direct",
     }
@@ -137,6 +141,7 @@ impl ModulationChoice {
             Self::Amplitude => Modulation::Amplitude,
             Self::LegAmplitude => Modulation::LegAmplitude,
             Self::Modulate => Modulation::Modulate,
+            Self::Residual => Modulation::Residual,
             Self::Direct => Modulation::Direct,
         }
     }
@@ -240,6 +245,11 @@ impl Task {
             }
         }
         let modulation = policy.modulation.modulation();
+        // Others have none, so that its value is no part of their action law.
+        let residual_bound_rad = match modulation {
+            Modulation::Residual => policy.ranges.residual_rad.unwrap_or(RESIDUAL_RAD) as f32,
+            _ => 0.0,
+        };
         let blocks: Vec<ObservationBlock> = policy.observation.iter().map(|block| block.block()).collect();
         let mut mirror = None;
         if let (true, Some(gait)) = (policy.symmetric, gait) {
@@ -270,7 +280,7 @@ impl Task {
             max_env_steps: (settings.episode_s / settings.control_dt_s).round().max(1.0) as u32,
             stride_frequency_hz: gait.stride_frequency_hz,
             legs: gait.legs.clone(),
-            law: ActionLaw { modulation, authority: policy.authority as f32, ranges },
+            law: ActionLaw { modulation, authority: policy.authority as f32, ranges, residual_bound_rad },
             blocks,
             mirror,
             robot,
@@ -328,6 +338,10 @@ pub fn num_substeps(control_dt_s: f64, physics_dt_s: f64) -> Option<u32> {
     let is_whole = (steps * physics_dt_s - control_dt_s).abs() <= 1e-9 && steps >= 1.0;
     is_whole.then_some(steps as u32)
 }
+
+/// The bound of `residual` where the settings have none [rad]: half the swing of Doggo's trot, a fifth of a leg's length at
+/// the foot.
+const RESIDUAL_RAD: f64 = 0.2;
 
 /// The larger of a leg's two amplitudes [rad].
 fn largest_amplitude(leg: &LegGait) -> f32 {

@@ -45,6 +45,8 @@ pub enum Command {
     View(ViewArgs),
     /// List the robots, or explain one
     Robots(RobotsArgs),
+    /// Write a gait as a table, or find the gait that is closest to one
+    Gait(GaitArgs),
     /// Print a preset with the meaning of every value
     Config(ConfigArgs),
     /// Compile a model, within limits of time and memory
@@ -310,6 +312,79 @@ pub struct ViewArgs {
 pub struct RobotsArgs {
     /// Name of a robot, or path of a robot.toml: prints it with the meaning of every value
     pub robot: Option<String>,
+}
+
+#[derive(Debug, Args)]
+pub struct GaitArgs {
+    #[command(subcommand)]
+    pub command: GaitCommand,
+}
+
+#[derive(Debug, Subcommand)]
+pub enum GaitCommand {
+    /// Find the sine or stepping gait that is closest to a table of actuator targets
+    Fit(GaitFitArgs),
+    /// Write a gait's actuator targets over one cycle
+    Table(GaitTableArgs),
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  canter gait fit --table trot.csv --robot doggo --frequency 2
+  canter gait fit --table trot.csv --robot doggo --frequency 2 --shape sine --no-eval
+
+The table's first line names the robot's actuators, in any order; each other line has their targets
+in rad at one moment, at equal times over exactly one cycle. Closest is by least squares in leg space,
+all legs of one shape, each with its own phase. What it prints can stand in a robot.toml.")]
+pub struct GaitFitArgs {
+    /// The table, a CSV file
+    #[arg(long, value_name = "FILE")]
+    pub table: PathBuf,
+    /// The robot: a name (see `canter robots`) or the path of a robot.toml
+    #[arg(long, value_name = "NAME")]
+    pub robot: String,
+    /// Cycles per second [Hz]: 1 over the time that the table takes
+    #[arg(long, value_name = "HZ", allow_negative_numbers = true)]
+    pub frequency: f64,
+    /// Fit this shape; the closer one if not given
+    #[arg(long, value_enum)]
+    pub shape: Option<FitShape>,
+    /// Do not measure how fast table and gait walk
+    #[arg(long)]
+    pub no_eval: bool,
+    /// Worker threads; as many as there are cores if not given
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub threads: Option<u16>,
+}
+
+/// What `canter gait fit` fits.
+#[derive(Clone, Copy, Debug, clap::ValueEnum)]
+pub enum FitShape {
+    /// Sines for swing and extension
+    Sine,
+    /// The foot trajectory of Doggo's firmware
+    Stepping,
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  canter gait table --robot doggo --prior stepping                    to the terminal
+  canter gait table --robot doggo --prior stepping --out trot.csv     into a file")]
+pub struct GaitTableArgs {
+    /// The robot: a name (see `canter robots`) or the path of a robot.toml
+    #[arg(long, value_name = "NAME")]
+    pub robot: String,
+    /// Name of a gait of that robot
+    #[arg(long, value_name = "NAME")]
+    pub prior: String,
+    /// Rows at equal times over the cycle, 4 to 10000
+    #[arg(long, value_name = "N", default_value = "64", value_parser = clap::value_parser!(u16).range(4..=10_000))]
+    pub rows: u16,
+    /// The file; the terminal if not given
+    #[arg(long, value_name = "FILE")]
+    pub out: Option<PathBuf>,
 }
 
 #[derive(Debug, Args)]

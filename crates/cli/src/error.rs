@@ -8,6 +8,7 @@ use canter_sim::settings::Problems;
 use canter_train::checkpoint::CheckpointError;
 use canter_train::config::ConfigError;
 use canter_train::film::FilmError;
+use canter_train::gait_fit::FitError;
 use canter_train::jobs::JobsError;
 use canter_train::policy_file::PolicyError;
 use canter_train::run::TrainError;
@@ -60,6 +61,14 @@ pub enum CliError {
         "{0} holds a comparison or a sweep, which is reported alone and into its own folder; leave out other folders and --out"
     )]
     ReportAlone(String),
+    #[error("{path}: this table cannot be used: {message}")]
+    Table { path: String, message: String },
+    #[error("{path}: no gait can be fitted to this table: {source}")]
+    Fit { path: String, source: FitError },
+    #[error("{robot} has no gait called `{name}`: there are {known}")]
+    NoGait { robot: String, name: String, known: String },
+    #[error("{path}: cannot be written: {source}")]
+    Write { path: String, source: std::io::Error },
     #[error("{0}")]
     Model(String),
     #[error("cannot limit time and memory: {0}")]

@@ -33,6 +33,7 @@ fn main() -> ExitCode {
         Command::Film(args) => commands::film::film(&args),
         Command::View(args) => commands::view::view(&args),
         Command::Robots(args) => commands::robots::robots(&args),
+        Command::Gait(args) => commands::gait::gait(&args),
         Command::Config(args) => commands::config::config(&args),
         Command::CompileModel(args) => commands::compile_model::compile_model(&args),
     };

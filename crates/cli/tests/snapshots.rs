@@ -30,6 +30,9 @@ fn help() {
     for command in ["train", "resume", "eval", "compare", "sweep", "report", "film", "view", "robots", "config"] {
         assert_snapshot(&format!("help-{command}.txt"), &folder.canter(&[command, "--help"]).succeeded());
     }
+    for command in ["fit", "table"] {
+        assert_snapshot(&format!("help-gait-{command}.txt"), &folder.canter(&["gait", command, "--help"]).succeeded());
+    }
     // Without arguments the help is the complaint.
     assert_snapshot("help-nothing.txt", &folder.canter(&[]).failed_with(2));
     let version = folder.canter(&["--version"]).succeeded();

@@ -384,3 +384,45 @@ fn gaits_need_names_that_files_can_have() {
         assert_refused_in(&folder, &OWN_ROBOT, &message);
     }
 }
+
+#[test]
+fn tables_that_are_no_gait() {
+    let folder = TemporaryFolder::new();
+    let fit =
+        |table: &str| ["gait", "fit", "--table", table, "--robot", "doggo", "--frequency", "2"].map(str::to_owned);
+    let refused = |args: &[String], message: &str| {
+        assert_refused_in(&folder, &args.iter().map(String::as_str).collect::<Vec<_>>(), message);
+    };
+    let table = folder.canter(&["gait", "table", "--robot", "doggo", "--prior", "sine", "--rows", "8"]).succeeded();
+    fs::write(folder.join("good.csv"), &table).unwrap();
+    fs::write(folder.join("cut.csv"), table.lines().next().unwrap()).unwrap();
+    fs::write(folder.join("words.csv"), table.replacen("0.", "x.", 1)).unwrap();
+    fs::write(folder.join("other.csv"), table.replacen("front_left_swing", "swing", 1)).unwrap();
+    let still = format!("{}\n{}", table.lines().next().unwrap(), "0,0,0,0,0,0,0,0\n".repeat(8));
+    fs::write(folder.join("still.csv"), still).unwrap();
+    refused(
+        &fit("none.csv"),
+        "none.csv: this table cannot be used: cannot be read: No such file or directory (os error 2)",
+    );
+    refused(&fit("cut.csv"), "cut.csv: this table cannot be used: expected at least 4 lines of numbers, found 0");
+    refused(
+        &fit("other.csv"),
+        "other.csv: this table cannot be used: it has no column for the actuator `front_left_swing`",
+    );
+    refused(
+        &fit("still.csv"),
+        "still.csv: no gait can be fitted to this table: no leg moves in it: there is no gait to be found",
+    );
+    let complaint = folder.canter(&fit("words.csv").iter().map(String::as_str).collect::<Vec<_>>()).failed_with(1);
+    assert!(complaint.starts_with("error: words.csv: this table cannot be used: line 2: `"), "{complaint}");
+    let mut never = fit("good.csv");
+    never[7] = "0".to_owned();
+    refused(
+        &never,
+        "good.csv: no gait can be fitted to this table: a stride frequency of 0 Hz is not from 0.01 to 20 Hz",
+    );
+    assert_refused(
+        &["gait", "table", "--robot", "hexapod", "--prior", "trot"],
+        "hexapod has no gait called `trot`: there are tripod, ripple, wave",
+    );
+}

@@ -5,7 +5,7 @@
 //! [`run_directory`]'s files, among them [`checkpoint`]s, the [`policy_file`], [`tensorboard`]'s curves and, should the
 //! physics make no sense, what a [`blow_up`] left; [`evaluate`]
 //! measures what was learned, its [`footfall`]s among it, [`trajectory`] records it step by step, and [`film`] shows it. [`search`] tunes a
-//! gait without learning, [`compare`] sets all that side by side.
+//! gait without learning, [`gait_fit`] finds the parameters of one that was recorded, [`compare`] sets all that side by side.
 
 pub mod blow_up;
 pub mod checkpoint;
@@ -16,6 +16,7 @@ pub mod evaluate;
 pub mod executor;
 pub mod film;
 pub mod footfall;
+pub mod gait_fit;
 pub mod jobs;
 mod json;
 pub mod policy_file;

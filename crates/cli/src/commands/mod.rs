@@ -5,6 +5,7 @@ pub mod compile_model;
 pub mod config;
 pub mod eval;
 pub mod film;
+pub mod gait;
 pub mod replay;
 pub mod report;
 pub mod robots;

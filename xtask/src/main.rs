@@ -6,6 +6,7 @@ mod debian;
 mod equations;
 mod full;
 mod layering;
+mod models;
 mod mujoco;
 mod robots;
 mod source;
@@ -30,6 +31,7 @@ Tasks:
                        10,000 mutated models, half an hour of faults; some two hours, as root
   layering             check which crate uses which, which may print, and that gait uses no std
   equations [--check]  write docs/equations.md from the doc comments; --check fails when the file is out of date
+  models               fetch two robots of other people's into target/models/ (51 MB, once), for docs/robots.md
   robots [--check]     write the robots in robots/ that are made from a few numbers
   no-std               prove by a build that gait needs no standard library
 ";
@@ -112,6 +114,10 @@ fn run(task: Option<OsString>, arguments: &[OsString]) -> Result<(), Failure> {
         "robots" => {
             let [check] = flags(&task, arguments, &["--check"])?;
             robots::write(&root, check)
+        }
+        "models" => {
+            flags(&task, arguments, &[])?;
+            models::ensure(&root)
         }
         "no-std" => {
             flags(&task, arguments, &[])?;

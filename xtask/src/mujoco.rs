@@ -223,13 +223,17 @@ fn unpack(wheel: &Path, folder: &Path) -> Result<(), String> {
 }
 
 /// `python3` in a folder of ours: no module beside the caller can get in its way.
-fn python(folder: &Path) -> Command {
+pub fn python(folder: &Path) -> Command {
     let mut python = Command::new("python3");
     python.current_dir(folder);
     python
 }
 
-fn output_of(mut python: Command) -> Result<Output, String> {
+/// What a program printed, and how it ended.
+///
+/// # Errors
+/// It cannot be started.
+pub fn output_of(mut python: Command) -> Result<Output, String> {
     python.output().map_err(|error| match error.kind() {
         ErrorKind::NotFound => {
             "python3 was not found; set-up needs it once, to fetch MuJoCo from its Python package.\n\

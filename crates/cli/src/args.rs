@@ -45,6 +45,8 @@ pub enum Command {
     View(ViewArgs),
     /// List the robots, or explain one
     Robots(RobotsArgs),
+    /// Bring a robot of your own: draft its robot.toml, look for faults
+    Robot(RobotArgs),
     /// Write a gait as a table, or find the gait that is closest to one
     Gait(GaitArgs),
     /// Print a preset with the meaning of every value
@@ -388,6 +390,70 @@ pub struct GaitTableArgs {
 }
 
 #[derive(Debug, Args)]
+pub struct RobotArgs {
+    #[command(subcommand)]
+    pub command: RobotCommand,
+}
+
+#[derive(Debug, Subcommand)]
+pub enum RobotCommand {
+    /// Draft the robot.toml of a MuJoCo model
+    New(RobotNewArgs),
+    /// Look for what is wrong with a robot, let it stand and walk
+    Check(RobotCheckArgs),
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  canter robot new --from go1/go1.xml              go1/robot.toml, beside the model
+  canter robot new --from go1/go1.xml --out my-go1 a copy of the model's files, and robot.toml with them
+  canter robot new --from arm-less.urdf --out rex  an MJCF made of a URDF, and its robot.toml
+
+It finds the floating body, the legs, their motors and feet, and gives the robot Doggo's trot in its own
+size. What the model does not say stands at the top of the file, for you to decide. A model without
+ground gets a scene that includes it; the model itself is not changed.")]
+pub struct RobotNewArgs {
+    /// The model: MJCF or URDF
+    #[arg(long, value_name = "FILE")]
+    pub from: PathBuf,
+    /// Folder for robot.toml and a copy of the model's files; the model's own folder if not given
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+    /// The robot's name; that of the model's file if not given
+    #[arg(long, value_name = "NAME")]
+    pub name: Option<String>,
+    /// Worker threads; as many as there are cores if not given
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub threads: Option<u16>,
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  canter robot check go1/robot.toml                faults, how it stands, how its gaits walk
+  canter robot check go1/go1.xml                   a model without robot.toml: masses and limits only
+  canter robot check go1/robot.toml --film go1.gif
+
+Exit code 1 if there are errors; warnings alone are no failure. docs/robots.md lists the faults.")]
+pub struct RobotCheckArgs {
+    /// Name of a robot, path of a robot.toml, or a model's file
+    pub robot: String,
+    /// Film the first default gait: FILE.gif or FILE.mp4
+    #[arg(long, value_name = "FILE")]
+    pub film: Option<PathBuf>,
+    /// Episodes that each default gait walks
+    #[arg(long, value_name = "N", default_value_t = 4, value_parser = clap::value_parser!(u16).range(2..=1000))]
+    pub episodes: u16,
+    /// Worker threads; as many as there are cores if not given
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub threads: Option<u16>,
+    /// Print JSON instead of sentences
+    #[arg(long)]
+    pub json: bool,
+}
+
+#[derive(Debug, Args)]
 pub struct ConfigArgs {
     /// Name of a preset, or path of a configuration file; without it the presets are listed
     pub preset: Option<String>,
@@ -480,6 +546,8 @@ mod tests {
             "compare\n--seeds\n3\n--budget\n500000\n--rungs\ntuned,doggo\n--quick",
             "film\nruns/doggo-1-1\n--seconds\n2.5\n--size\n1920x720\n--fps\n50",
             "config\ndoggo\n--set\nppo.gamma=0.9\n--set\ntask.friction=0.8",
+            "robot\nnew\n--from\nmodel.xml\n--out\nrex\n--name=rex",
+            "robot\ncheck\nrex/robot.toml\n--episodes\n4\n--film\nrex.gif\n--json",
         ];
         crate::fuzz::fuzz_bytes("command line", &valid.map(|line| line.as_bytes().to_vec()), &WORDS, |bytes, _| {
             let words = bytes.split(|&byte| byte == b'\n').map(OsStr::from_bytes);

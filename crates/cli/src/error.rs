@@ -4,6 +4,7 @@ use canter_report::ReportError;
 use canter_sim::RobotError;
 #[cfg(feature = "view")]
 use canter_sim::mujoco::viewer::ViewError;
+use canter_sim::robot::draft::DraftError;
 use canter_sim::settings::Problems;
 use canter_train::checkpoint::CheckpointError;
 use canter_train::config::ConfigError;
@@ -71,6 +72,14 @@ pub enum CliError {
     Write { path: String, source: std::io::Error },
     #[error("{0}")]
     Model(String),
+    #[error(transparent)]
+    Draft(#[from] DraftError),
+    #[error("{0}: {1}")]
+    File(String, std::io::Error),
+    #[error("{0} is there already; choose another folder with --out, or remove it")]
+    Exists(String),
+    #[error("{0}")]
+    Drafted(String),
     #[error("cannot limit time and memory: {0}")]
     Limits(std::io::Error),
     #[error("cannot start the worker threads: {0}")]

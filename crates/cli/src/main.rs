@@ -17,7 +17,7 @@ use std::process::ExitCode;
 
 use clap::Parser;
 
-use crate::args::{Cli, Command};
+use crate::args::{Cli, Command, RobotCommand};
 
 fn main() -> ExitCode {
     canter_sim::mujoco::set_fatal_handler(|message| output::complain(&format!("{}MuJoCo: {message}", output::ERROR)));
@@ -34,6 +34,10 @@ fn main() -> ExitCode {
         Command::View(args) => commands::view::view(&args),
         Command::Robots(args) => commands::robots::robots(&args),
         Command::Gait(args) => commands::gait::gait(&args),
+        Command::Robot(args) => match args.command {
+            RobotCommand::New(args) => commands::robot_new::robot_new(&args),
+            RobotCommand::Check(args) => commands::robot_check::robot_check(&args),
+        },
         Command::Config(args) => commands::config::config(&args),
         Command::CompileModel(args) => commands::compile_model::compile_model(&args),
     };

@@ -33,6 +33,10 @@ fn help() {
     for command in ["fit", "table"] {
         assert_snapshot(&format!("help-gait-{command}.txt"), &folder.canter(&["gait", command, "--help"]).succeeded());
     }
+    for command in ["new", "check"] {
+        let help = folder.canter(&["robot", command, "--help"]).succeeded();
+        assert_snapshot(&format!("help-robot-{command}.txt"), &help);
+    }
     // Without arguments the help is the complaint.
     assert_snapshot("help-nothing.txt", &folder.canter(&[]).failed_with(2));
     let version = folder.canter(&["--version"]).succeeded();

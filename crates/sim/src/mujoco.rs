@@ -1,5 +1,7 @@
 //! The one place that names MuJoCo: loading a model, stepping it, reading and restoring its state, and drawing it.
 
+pub mod anatomy;
+pub mod convert;
 pub mod painter;
 #[cfg(feature = "view")]
 pub mod viewer;
@@ -190,6 +192,26 @@ impl Model {
         positions.map(|positions| self.standing = positions).is_some()
     }
 
+    /// Makes `(nq)` positions the standing pose.
+    ///
+    /// # Panics
+    /// If there are not as many as the model has.
+    pub fn stand_at(&mut self, positions: Vec<f64>) {
+        assert_eq!(positions.len(), self.standing.len(), "a pose has a number for every coordinate");
+        self.standing = positions;
+    }
+
+    /// The sphere of this body that can touch something, if there is one alone.
+    pub fn only_sphere_of(&self, body: usize) -> Option<usize> {
+        let touches = |geom: &usize| {
+            self.compiled.geom_bodyid()[*geom] as usize == body
+                && self.is_sphere(*geom)
+                && (self.compiled.geom_contype()[*geom] != 0 || self.compiled.geom_conaffinity()[*geom] != 0)
+        };
+        let mut spheres = (0..self.compiled.ffi().ngeom as usize).filter(touches);
+        spheres.next().filter(|_| spheres.next().is_none())
+    }
+
     /// Radius of a sphere geom [m].
     pub fn geom_radius_m(&self, geom: usize) -> f64 {
         self.compiled.geom_size()[geom][0]
@@ -216,6 +238,22 @@ impl Model {
     /// Whether the geom belongs to a body that can move, and not to the world.
     pub fn is_on_robot(&self, geom: usize) -> bool {
         self.compiled.geom_bodyid()[geom] != 0
+    }
+
+    /// Sliding friction of a geom.
+    pub fn friction(&self, geom: usize) -> f64 {
+        self.compiled.geom_friction()[geom][0]
+    }
+
+    /// Sliding friction between two geoms: that of the one with the higher priority; none if their priorities are equal,
+    /// when the greater counts.
+    pub fn contact_friction(&self, [first, second]: [usize; 2]) -> Option<f64> {
+        let priority = |geom: usize| self.compiled.geom_priority()[geom];
+        match priority(first).cmp(&priority(second)) {
+            std::cmp::Ordering::Greater => Some(self.friction(first)),
+            std::cmp::Ordering::Less => Some(self.friction(second)),
+            std::cmp::Ordering::Equal => None,
+        }
     }
 
     /// Radius of a sphere around the geom's centre that holds all of it [m].

@@ -5,13 +5,13 @@ use std::process::ExitCode;
 
 use canter_sim::settings::Document;
 use canter_sim::{NamedGait, Robot};
-use canter_train::config::{DEFAULT_PRESET, Resolved, open_preset, resolve};
+use canter_train::config::{Resolved, resolve};
 use canter_train::evaluate::{GaitReport, Mover, ProtocolCard, evaluate, judge};
 use canter_train::policy_file::PolicyFile;
 use serde_json::json;
 
 use crate::args::EvalArgs;
-use crate::commands::{learned, workers};
+use crate::commands::{bare_gait, learned, workers};
 use crate::error::CliError;
 use crate::output::say;
 use crate::verdict::{describe, gait_table};
@@ -70,17 +70,8 @@ fn subject(args: &EvalArgs) -> Result<(Resolved, Option<PolicyFile>), CliError> 
         let (resolved, policy) = learned(run, |document| with_overrides(document, args))?;
         return Ok((resolved, Some(policy)));
     }
-    // The default preset lends its protocol; the bare gait has no use for the rest.
-    let mut document = open_preset(DEFAULT_PRESET)?;
-    for (key, value) in [("robot", &args.robot), ("policy.prior", &args.prior)] {
-        if let Some(value) = value {
-            document.set_string(key, value);
-        }
-    }
-    // Without a policy there is nothing to change: no range has to hold the gait's own numbers.
-    document.set("policy.modulation", "direct");
-    document.set("policy.authority", "1");
-    document.set("policy.symmetric", "false");
+    let (robot, prior) = (args.robot.as_deref().unwrap_or_default(), args.prior.as_deref().unwrap_or_default());
+    let document = bare_gait(robot, prior)?;
     Ok((resolve(&with_overrides(document, args))?, None))
 }
 

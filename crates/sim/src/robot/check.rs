@@ -6,7 +6,7 @@ use std::path::Path;
 use canter_gait::prior::{LegGait, Waveform};
 use canter_gait::{Actuators, FiveBar, JointConvention, Leg, LegGeometry, LegLimits, LegPosition, SerialLeg};
 
-use super::settings::{Actuated, GaitSettings, KneeSide, LegSettings, RobotSettings};
+use super::settings::{Actuated, FiveBarSettings, GaitSettings, KneeSide, LegSettings, RobotSettings};
 use super::table::Recording;
 use super::{HeldMotor, KneeAddresses, LEARNED, LegAddresses, NamedGait, Robot, RobotError};
 use crate::env::place_leg;
@@ -41,7 +41,11 @@ pub(super) fn assemble(
         problems.at("keyframe", format!("the model has no keyframe called `{keyframe}`"));
     }
     let mut find = |kind: ObjectKind, key: &str, name: &str| {
-        let id = model.id(kind, name);
+        let id = model.id(kind, name).or_else(|| {
+            // A foot without a name of its own goes by its body's.
+            let body = model.id(ObjectKind::Body, name).filter(|_| key.ends_with(".foot"))?;
+            model.only_sphere_of(body)
+        });
         if id.is_none() {
             let kind = format!("{kind:?}").to_lowercase();
             problems.at(key, format!("the model has no {kind} called `{}`", name.escape_debug()));
@@ -94,6 +98,19 @@ pub(super) fn assemble(
         }
     }
     check_kinds(&model, floor, &leg_addresses, &held, &mut problems);
+    if let Some(kp) = settings.motor.position_gain_nm_per_rad {
+        let gains = [kp, settings.motor.velocity_gain_nm_s_per_rad.unwrap_or(0.0)];
+        let in_legs = leg_addresses.iter().flat_map(|address| address.actuators);
+        for actuator in in_legs.chain(held.iter().map(|motor| motor.actuator)) {
+            if let Err(reason) = model.make_servo(actuator, gains) {
+                let message = format!("an actuator cannot be a position control: {reason}");
+                problems.at("motor.position_gain_nm_per_rad", message);
+                break;
+            }
+        }
+    } else if settings.motor.velocity_gain_nm_s_per_rad.is_some() {
+        problems.at("motor.velocity_gain_nm_s_per_rad", "this needs position_gain_nm_per_rad beside it");
+    }
     let in_legs = leg_addresses.iter().flat_map(|address| address.motor_joints);
     for joint in in_legs.chain(held.iter().map(|motor| motor.joint)) {
         model.limit_torque(joint);
@@ -305,6 +322,22 @@ fn is_off(distance: f64) -> bool {
     distance.is_nan() || distance > KINEMATICS_TOLERANCE_M
 }
 
+/// Links and how they are connected; `None` where they cannot stand so high.
+pub(super) fn geometry(leg: &LegSettings, stance_height_m: f64) -> Option<LegGeometry> {
+    let (upper, lower) = leg.links_m();
+    let (upper, lower, stance) = (upper as f32, lower as f32, stance_height_m as f32);
+    match leg {
+        LegSettings::FiveBar(leg) => {
+            let separation = leg.hip_separation_m.unwrap_or(0.0) as f32;
+            FiveBar::new(upper, lower, separation, stance).map(LegGeometry::FiveBar)
+        }
+        LegSettings::Serial(leg) => {
+            let in_front = leg.knee == KneeSide::Front;
+            SerialLeg::new(upper, lower, in_front, stance).map(LegGeometry::Serial)
+        }
+    }
+}
+
 /// The leg as the controller sees it; `joints` are its motors'.
 fn controller_leg(
     index: usize,
@@ -319,21 +352,10 @@ fn controller_leg(
             problems.at(&format!("legs[{index}].{key}"), format!("expected 2 names, found {}", names.len()));
         }
     }
-    let (upper, lower) = leg.links_m();
-    let (upper, lower, stance) = (upper as f32, lower as f32, settings.stance_height_m as f32);
-    let (geometry, actuators) = match leg {
-        LegSettings::FiveBar(leg) => {
-            let separation = leg.hip_separation_m.unwrap_or(0.0) as f32;
-            let actuators = match leg.actuated {
-                Actuated::LegSpace => Actuators::LegSpace,
-                Actuated::Motors => Actuators::Joints(joints),
-            };
-            (FiveBar::new(upper, lower, separation, stance).map(LegGeometry::FiveBar), actuators)
-        }
-        LegSettings::Serial(leg) => {
-            let in_front = leg.knee == KneeSide::Front;
-            (SerialLeg::new(upper, lower, in_front, stance).map(LegGeometry::Serial), Actuators::Joints(joints))
-        }
+    let geometry = geometry(leg, settings.stance_height_m);
+    let actuators = match leg {
+        LegSettings::FiveBar(FiveBarSettings { actuated: Actuated::LegSpace, .. }) => Actuators::LegSpace,
+        LegSettings::FiveBar(_) | LegSettings::Serial(_) => Actuators::Joints(joints),
     };
     if geometry.is_none() {
         let message =

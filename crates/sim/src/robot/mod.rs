@@ -5,6 +5,8 @@
 //! against the settings. Its files may use nothing outside the folder of `robot.toml`.
 
 mod check;
+pub mod checkup;
+pub mod draft;
 mod screen;
 mod settings;
 pub mod table;
@@ -114,6 +116,16 @@ pub struct Robot {
     pub(crate) root: (usize, usize),
 }
 
+/// A robot and the files that it was read from.
+struct Loaded {
+    robot: Robot,
+    document: Document,
+    /// The model's files, its own first; none of a built-in robot.
+    files: Vec<PathBuf>,
+    /// Path and text of a built-in robot's model.
+    texts: Option<(String, &'static str)>,
+}
+
 /// Why a robot cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum RobotError {
@@ -184,6 +196,10 @@ impl Robot {
     /// # Errors
     /// Everything that is wrong with `robot.toml` at once, or what MuJoCo says of the model.
     pub fn load(name_or_path: &str) -> Result<Self, RobotError> {
+        Self::load_with_sources(name_or_path).map(|loaded| loaded.robot)
+    }
+
+    fn load_with_sources(name_or_path: &str) -> Result<Loaded, RobotError> {
         if is_robot_path(name_or_path) {
             return Self::from_file(Path::new(name_or_path));
         }
@@ -195,14 +211,17 @@ impl Robot {
         let document = Document::parse(&place, robot.settings.as_bytes())?;
         let settings = document.read::<RobotSettings>()?;
         let path = format!("robots/{name_or_path}/{}", settings.model);
-        let model = Model::parse(robot.model).map_err(|message| RobotError::Model { path, message })?;
+        let refused = |message| RobotError::Model { path: path.clone(), message };
+        let model = Model::parse(robot.model).map_err(refused)?;
         let mut fingerprint = Fingerprint::new();
         fingerprint.add(robot.settings.as_bytes());
         fingerprint.add(robot.model.as_bytes());
-        check::assemble(&document, settings, model, None, fingerprint.0)
+        let texts = Some((path, robot.model));
+        let robot = check::assemble(&document, settings, model, None, fingerprint.0)?;
+        Ok(Loaded { robot, document, files: Vec::new(), texts })
     }
 
-    fn from_file(path: &Path) -> Result<Self, RobotError> {
+    fn from_file(path: &Path) -> Result<Loaded, RobotError> {
         let bytes = file::read(path, MAX_FILE_BYTES as u64)
             .map_err(|source| RobotError::Unreadable { path: path.to_owned(), source })?;
         let document = Document::parse(&path.display().to_string(), &bytes)?;
@@ -211,17 +230,14 @@ impl Robot {
         fingerprint.add(&bytes);
         let model_path = path.with_file_name(&settings.model);
         let folder = path.parent().unwrap_or(Path::new(""));
-        screen::screen(folder, &model_path, &mut fingerprint)?;
+        let files = screen::screen(folder, &model_path, &mut fingerprint)?;
         for table in settings.gaits.iter().filter_map(GaitSettings::table) {
             // A table that cannot be read is reported with what else is wrong.
             fingerprint.add(&file::read(&folder.join(table), MAX_FILE_BYTES as u64).unwrap_or_default());
         }
-        let refused = |message| RobotError::Model { path: model_path.display().to_string(), message };
-        if let Some(guard) = MODEL_GUARD.get() {
-            guard(&model_path).map_err(refused)?;
-        }
-        let model = Model::load(&model_path).map_err(refused)?;
-        check::assemble(&document, settings, model, Some(folder), fingerprint.0)
+        let model = compile(&model_path)?;
+        let robot = check::assemble(&document, settings, model, Some(folder), fingerprint.0)?;
+        Ok(Loaded { robot, document, files, texts: None })
     }
 
     /// The gait of this name.
@@ -266,9 +282,29 @@ impl Robot {
 
     /// Torque-speed curve and current limit of every motor.
     pub fn motor(&self) -> Motor {
-        let MotorSettings { max_torque_nm, stall_torque_nm, no_load_speed_rad_per_s } = self.settings.motor;
+        let MotorSettings { max_torque_nm, stall_torque_nm, no_load_speed_rad_per_s, .. } = self.settings.motor;
         Motor { max_torque_nm, stall_torque_nm, no_load_speed_rad_per_s }
     }
+}
+
+/// Screens and compiles a model of the user's that has no `robot.toml` yet; returns it with the files that it uses, its
+/// own first.
+///
+/// # Errors
+/// What is wrong with its files, or what MuJoCo says of them.
+pub fn load_model(path: &Path) -> Result<(Model, Vec<PathBuf>), RobotError> {
+    let folder = path.parent().unwrap_or(Path::new(""));
+    let files = screen::screen(folder, path, &mut Fingerprint::new())?;
+    Ok((compile(path)?, files))
+}
+
+/// Compiles a screened model, which the guard tries before.
+fn compile(path: &Path) -> Result<Model, RobotError> {
+    let refused = |message| RobotError::Model { path: path.display().to_string(), message };
+    if let Some(guard) = MODEL_GUARD.get() {
+        guard(path).map_err(refused)?;
+    }
+    Model::load(path).map_err(refused)
 }
 
 /// Tries a user's model, given the path of its file, before this process compiles it. An error is in words that follow

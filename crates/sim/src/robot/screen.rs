@@ -16,7 +16,7 @@ use super::xml::{Fault, Lines, MAX_ELEMENTS, without_comments};
 use crate::file;
 
 /// Most bytes of a model's file.
-const MAX_MODEL_BYTES: u64 = 16 << 20;
+pub(super) const MAX_MODEL_BYTES: u64 = 16 << 20;
 /// Most bytes of a mesh, a texture or any other file that a model uses.
 const MAX_ASSET_BYTES: u64 = 64 << 20;
 /// Most bytes of all of them.
@@ -33,7 +33,7 @@ const MAX_PROBLEMS: usize = 50;
 const MAX_SHOWN_CHARS: usize = 60;
 
 /// Names of a model's files end in one of these: MuJoCo reads others in other ways.
-const MODEL_EXTENSIONS: [&str; 3] = ["xml", "mjcf", "urdf"];
+pub(super) const MODEL_EXTENSIONS: [&str; 3] = ["xml", "mjcf", "urdf"];
 
 /// Element (`*`: any), attribute and the greatest value that it may have; of several numbers, their product.
 /// Each costs memory or time in proportion. What real robots have is a tenth at most.
@@ -104,6 +104,13 @@ pub struct ModelProblems {
     has_more: bool,
 }
 
+impl ModelProblems {
+    /// Each problem's file, line and words.
+    pub fn iter(&self) -> impl Iterator<Item = (&str, Option<usize>, &str)> {
+        self.list.iter().map(|problem| (problem.file.as_str(), problem.line, problem.message.as_str()))
+    }
+}
+
 impl fmt::Display for ModelProblems {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let lines: Vec<_> = self.list.iter().map(ModelProblem::to_string).collect();
@@ -119,11 +126,11 @@ impl fmt::Display for ModelProblems {
 impl std::error::Error for ModelProblems {}
 
 /// Screens the model at `path` and everything that it uses, all in the folder `root`, and adds the files to the
-/// `fingerprint`: the model's own first, then each when it is met.
+/// `fingerprint`: the model's own first, then each when it is met. Returns them in this order, each once.
 ///
 /// # Errors
 /// Everything that is wrong, as far as the files could be read.
-pub(super) fn screen(root: &Path, path: &Path, fingerprint: &mut Fingerprint) -> Result<(), ModelProblems> {
+pub(super) fn screen(root: &Path, path: &Path, fingerprint: &mut Fingerprint) -> Result<Vec<PathBuf>, ModelProblems> {
     let mut screen = Screen {
         shown_root: root,
         root: PathBuf::new(),
@@ -134,12 +141,13 @@ pub(super) fn screen(root: &Path, path: &Path, fingerprint: &mut Fingerprint) ->
         num_references: 0,
         assets: HashSet::new(),
         num_bytes: 0,
+        files: Vec::new(),
         is_too_large: false,
         fingerprint,
         problems: ModelProblems::default(),
     };
     screen.model(path);
-    if screen.problems.list.is_empty() { Ok(()) } else { Err(screen.problems) }
+    if screen.problems.list.is_empty() { Ok(screen.files) } else { Err(screen.problems) }
 }
 
 /// A place where a model names a file.
@@ -183,6 +191,8 @@ struct Screen<'a> {
     /// Files that are no models and are in the fingerprint already.
     assets: HashSet<PathBuf>,
     num_bytes: u64,
+    /// Every file that was read.
+    files: Vec<PathBuf>,
     /// Whether too many elements have been reported.
     is_too_large: bool,
     fingerprint: &'a mut Fingerprint,
@@ -450,6 +460,9 @@ impl Screen<'_> {
             ));
         }
         self.fingerprint.add(&bytes);
+        if !self.files.iter().any(|file| file == path) {
+            self.files.push(path.to_owned());
+        }
         Ok(bytes)
     }
 
@@ -548,7 +561,7 @@ mod tests {
         let result = screen(&folder, &folder.join(files[0].0), &mut fingerprint);
         let shown = format!("{}/", folder.display());
         fs::remove_dir_all(&folder).unwrap();
-        result.map(|()| fingerprint.0).map_err(|problems| problems.to_string().replace(&shown, ""))
+        result.map(|_| fingerprint.0).map_err(|problems| problems.to_string().replace(&shown, ""))
     }
 
     #[test]

@@ -50,6 +50,11 @@ settings! {
         pub stall_torque_nm: f64 in above(0.0),
         /// Joint speed at which the motor gives no torque any more [rad/s].
         pub no_load_speed_rad_per_s: f64 in above(0.0),
+        /// For a model whose actuators are given torques: the gain of the position control that takes their place
+        /// [N m/rad]; absent: the model's actuators are position servos.
+        pub position_gain_nm_per_rad: Option<f64> in above(0.0),
+        /// The same control's gain on the joint's velocity [N m s/rad]; absent: 0.
+        pub velocity_gain_nm_s_per_rad: Option<f64> in 0.0..=1e6,
     }
 }
 
@@ -138,7 +143,7 @@ settings! {
     pub struct FiveBarSettings {
         /// Name of the leg.
         pub name: String,
-        /// Geom of the foot.
+        /// Geom of the foot, a sphere; or a body with one sphere that can touch something.
         pub foot: String,
         /// Length of each upper link [m].
         pub upper_link_m: f64 in above(0.0),
@@ -162,7 +167,7 @@ settings! {
     pub struct SerialSettings {
         /// Name of the leg.
         pub name: String,
-        /// Geom of the foot.
+        /// Geom of the foot, a sphere; or a body with one sphere that can touch something.
         pub foot: String,
         /// Length of the upper link, from the hip's axis to the knee's [m].
         pub upper_link_m: f64 in above(0.0),

@@ -328,7 +328,7 @@ impl Env {
         let up = self.ground_from_body()[2][2];
         if up < limits.max_tilt_deg.to_radians().cos() {
             Some(Accident::Rollover)
-        } else if self.position_in_ground()[2] < limits.min_height_m + task.settings.height_margin_m {
+        } else if self.position_in_ground()[2] < task.min_height_m() {
             Some(Accident::TooLow)
         } else if stuck_s >= limits.stuck_time_s {
             Some(Accident::LegStuck)

@@ -34,9 +34,9 @@ settings! {
         pub accident_return_weight: f64 in 0.0..=1.0,
         /// What an accident costs besides, in the reward's unit: leg lengths of way at a forward weight of 1.
         pub accident_cost: f64 in 0.0..=1e3,
-        /// How far above the robot's least height a training episode ends in an accident already [m], so that the policy
-        /// keeps away from it. Searches and evaluations have none of it.
-        pub height_margin_m: f64 in 0.0..=1.0,
+        /// How far above the robot's least height a training episode ends in an accident already, in stance heights, so
+        /// that the policy keeps away from it. Searches and evaluations have none of it.
+        pub height_margin: f64 in 0.0..=1.0,
         /// Largest change of the starting heading, tilt and leg angles [rad], drawn uniformly.
         pub start_noise_rad: f64 in 0.0..=0.5,
         /// What differs between the environments of a training. Searches and evaluations have none of it.
@@ -309,6 +309,18 @@ impl Task {
     /// What that mirror borrows.
     pub fn mirror_maps(&self) -> Option<&MirrorMaps> {
         self.mirror.as_ref()
+    }
+
+    /// How close to the ground the body may come before that is an accident [m].
+    ///
+    /// ```text
+    /// z_min = min_height + height_margin h
+    /// ```
+    ///
+    /// Source: our definition; h is the stance height.
+    pub fn min_height_m(&self) -> f64 {
+        let robot = &self.robot.settings;
+        robot.limits.min_height_m + self.settings.height_margin * robot.stance_height_m
     }
 
     /// Number of components of the observation, O.

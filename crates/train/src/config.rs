@@ -165,14 +165,14 @@ pub const DEFAULT_PRESET: &str = "doggo";
 
 const DOGGO: &str = include_str!("../../../presets/doggo.toml");
 
-/// The presets. One for another robot is Doggo's with that robot, its own default gait, and the margin of height scaled
-/// with the robot: reward, networks and hyperparameters are the same for all.
+/// The presets. One for another robot is Doggo's with that robot and its own default gait: reward, networks and
+/// hyperparameters are the same for all.
 const PRESETS: [Preset; 7] = [
     Preset { name: "doggo", text: DOGGO, changes: &[] },
     Preset { name: "paper", text: include_str!("../../../presets/paper.toml"), changes: &[] },
     for_robot("minitaur", &[ROBOT_TROT, ("robot", "minitaur")]),
-    for_robot("q8bot", &[ROBOT_TROT, ("robot", "q8bot"), ("task.height_margin_m", "0.007")]),
-    for_robot("quad12", &[ROBOT_TROT, ("robot", "quad12"), ("task.height_margin_m", "0.04")]),
+    for_robot("q8bot", &[ROBOT_TROT, ("robot", "q8bot")]),
+    for_robot("quad12", &[ROBOT_TROT, ("robot", "quad12")]),
     for_robot("hexapod", &[("policy.prior", "tripod"), ("robot", "hexapod")]),
     for_robot("octopod", &[("policy.prior", "alternating"), ("robot", "octopod")]),
 ];

@@ -203,7 +203,7 @@ pub(crate) fn evaluation_task(task: &Task, settings: &EvaluationSettings) -> Arc
     let task = task.clone().with_physics_dt_s(settings.physics_dt_s);
     let mut task = task.expect("checked when the configuration was read");
     task.settings.goal_distance_m = None;
-    task.settings.height_margin_m = 0.0;
+    task.settings.height_margin = 0.0;
     task.max_env_steps = (settings.episode_s / task.settings.control_dt_s).round() as u32;
     Arc::new(task)
 }

@@ -30,7 +30,7 @@ pub fn task_settings() -> TaskSettings {
         friction: None,
         accident_return_weight: 0.5,
         accident_cost: 0.0,
-        height_margin_m: 0.0,
+        height_margin: 0.0,
         start_noise_rad: 0.05,
         variation: VariationSettings { share: None, slope_deg: None },
     }

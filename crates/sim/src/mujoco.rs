@@ -1,5 +1,6 @@
 //! The one place that names MuJoCo: loading a model, stepping it, reading and restoring its state, and drawing it.
 
+mod changes;
 pub mod painter;
 #[cfg(feature = "view")]
 pub mod viewer;

@@ -8,11 +8,12 @@ use canter_gait::observation::observation_len;
 use canter_gait::prior::LegGait;
 use canter_gait::{ActionLaw, Controller, Gait, Modulation, ObservationBlock, ParameterRanges, Range};
 
+use crate::ground::GroundSettings;
 use crate::mirror::MirrorMaps;
 use crate::reward::{RewardScale, RewardWeights};
 use crate::robot::Robot;
 use crate::settings::{Problems, above};
-use crate::variation::{Variation, VariationSettings, interval};
+use crate::variation::{Variant, Variation, VariationSettings, interval};
 use crate::{choices, settings};
 
 settings! {
@@ -28,8 +29,18 @@ settings! {
         pub goal_distance_m: Option<f64> in above(0.0),
         /// Slope of the ground, positive uphill [deg].
         pub slope_deg: f64 in -45.0..=45.0,
+        /// Slope across, positive where the ground rises to the left [deg]; absent: 0.
+        pub cross_slope_deg: Option<f64> in -45.0..=45.0,
         /// Sliding friction between feet and ground; absent: the model's own.
         pub friction: Option<f64> in 0.0..=10.0,
+        /// Factor of every mass and moment of inertia; absent: 1.
+        pub mass_factor: Option<f64> in 0.1..=10.0,
+        /// Factor of what the motors can give, see the robot's `motor`; absent: 1.
+        pub strength_factor: Option<f64> in 0.1..=10.0,
+        /// Time from a command to its effect [s], in whole physics steps; absent: the robot's `command_delay_steps`.
+        pub delay_s: Option<f64> in 0.0..=0.5,
+        /// What lies on the ground; absent: it is a plane.
+        pub ground: Option<GroundSettings>,
         /// What is left of the return after an accident, see the paper's section II.B.
         pub accident_return_weight: f64 in 0.0..=1.0,
         /// What an accident costs besides, in the reward's unit: leg lengths of way at a forward weight of 1.
@@ -231,7 +242,7 @@ impl Task {
         // Only `modulate` uses the box, so only then must the prior lie in it.
         let boxed = if policy.modulation == ModulationChoice::Modulate { legs } else { &[] };
         let ranges = parameter_ranges(&policy.ranges, boxed, &mut problems);
-        let variation = Variation::new(&settings.variation, settings.slope_deg, &mut problems);
+        let variation = Variation::new(settings, &mut problems);
         if let (Some(gait), Some(ranges)) = (gait, &ranges) {
             let fastest_hz = f64::from(gait.stride_frequency_hz * ranges.frequency_factor.high.max(1.0));
             if fastest_hz * settings.control_dt_s > 0.5 {
@@ -309,6 +320,31 @@ impl Task {
     /// What that mirror borrows.
     pub fn mirror_maps(&self) -> Option<&MirrorMaps> {
         self.mirror.as_ref()
+    }
+
+    /// Weight of the robot [N].
+    pub fn weight_n(&self) -> f64 {
+        let model = &self.robot.model;
+        model.total_mass_kg() * self.settings.mass_factor.unwrap_or(1.0) * model.gravity()
+    }
+
+    /// The longest time from a command to its effect in any episode, in physics steps.
+    pub(crate) fn longest_delay(&self) -> u32 {
+        let varied = self.variation.longest_delay_s().map(|delay_s| self.delay_steps(Some(delay_s)));
+        self.delay_steps(self.settings.delay_s).max(varied.unwrap_or(0))
+    }
+
+    /// A time from a command to its effect [s] in physics steps; none: the robot's own.
+    pub(crate) fn delay_steps(&self, delay_s: Option<f64>) -> u32 {
+        match delay_s {
+            Some(delay_s) => (delay_s / self.settings.physics_dt_s).round() as u32,
+            None => self.robot.settings.command_delay_steps * self.num_substeps,
+        }
+    }
+
+    /// Whether an episode with this variant has anything that its key decides.
+    pub(crate) fn needs_key(&self, variant: Option<Variant>) -> bool {
+        self.variation.needs_key(variant)
     }
 
     /// How close to the ground the body may come before that is an accident [m].

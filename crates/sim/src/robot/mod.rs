@@ -112,6 +112,8 @@ pub struct Robot {
     pub(crate) floor: usize,
     /// Places in `qpos` and `qvel` of the body's free joint.
     pub(crate) root: (usize, usize),
+    /// The body that floats.
+    pub(crate) trunk: usize,
 }
 
 /// Why a robot cannot be used.

@@ -11,6 +11,7 @@ use canter_gait::{LegGeometry, LegPosition, PhaseClock, Sensors};
 
 use crate::accident::{Accident, StuckTimer};
 use crate::frame::{self, Matrix3};
+use crate::ground::{Ground, Relief};
 use crate::mujoco::Simulation;
 use crate::reward::{Motion, RewardTerms, accident_penalty, mechanical_work_j};
 use crate::robot::Robot;
@@ -55,6 +56,8 @@ pub struct Env {
     return_so_far: f64,
     /// The motors as they are.
     actual: MotorReadings,
+    /// The ground of this episode; none: the plane z = 0.
+    relief: Option<Relief>,
     /// The sensors' readings: what is, and their noise.
     sensed: Sensed,
     buffers: Buffers,
@@ -85,7 +88,7 @@ struct Buffers {
 impl Env {
     /// An environment that still has to be [reset](Self::reset).
     pub fn new(task: Arc<Task>) -> Self {
-        let mut model = task.robot.model.clone();
+        let mut model = task.model().clone();
         model.set_timestep_s(task.settings.physics_dt_s);
         let own = World::of(&task.settings);
         model.set_gravity(frame::gravity_in_ground(model.gravity(), [own.slope_rad, own.cross_slope_rad]));
@@ -112,6 +115,7 @@ impl Env {
             env_steps: 0,
             return_so_far: 0.0,
             actual: motors.clone(),
+            relief: None,
             sensed: Sensed {
                 motors,
                 orientation: [0.0; 3],
@@ -179,10 +183,11 @@ impl Env {
         self.simulation.update_positions();
         let mut lowest_foot_m = f64::INFINITY;
         for address in &robot.leg_addresses {
-            let foot_m = self.simulation.geom_positions_in_world()[address.foot][2];
-            lowest_foot_m = lowest_foot_m.min(foot_m - robot.model.geom_radius_m(address.foot));
+            let foot = self.simulation.geom_positions_in_world()[address.foot];
+            let radius_m = robot.model.geom_radius_m(address.foot);
+            let above_ground_m = self.relief.as_ref().map(|relief| relief.clearance_m(foot, radius_m));
+            lowest_foot_m = lowest_foot_m.min(above_ground_m.unwrap_or(foot[2] - radius_m));
         }
-        // The ground is the plane z = 0.
         self.simulation.qpos_mut()[root + 2] -= lowest_foot_m;
         self.observe(false, observation);
     }
@@ -190,7 +195,7 @@ impl Env {
     /// Chooses what differs in the coming episodes. Without this call, as in searches and evaluations, nothing differs from
     /// the task's own values.
     pub fn vary(&mut self, variant: Variant) {
-        self.episode.draw.variant = Some(variant);
+        self.episode.draw.variant = self.task.variation.is_any().then_some(variant);
     }
 
     /// Makes the physics what it is in the episode of this draw. The simulation's state is lost.
@@ -198,6 +203,45 @@ impl Env {
         let episode = Episode::new(&self.task, draw);
         episode.world.apply(&self.episode.world, &self.task.robot, &mut self.simulation);
         self.episode = episode;
+        if self.task.ground.as_ref().is_some_and(|ground| ground.patches().is_some()) {
+            // Where neither geom has priority the greater friction counts: leave it to the feet.
+            self.simulation.set_friction_of(self.task.robot.floor, 0.0);
+        }
+        let ground = self.task.ground.as_ref().filter(|ground| ground.is_uneven());
+        self.relief = ground.map(|ground| ground.relief(draw.key, episode.world.roughness));
+        if let Some(relief) = &self.relief {
+            relief.write(self.simulation.height_field_mut());
+        }
+        self.follow_with_ground();
+    }
+
+    /// Puts the piece of ground that is there under the robot, and gives the feet the friction of where they are.
+    fn follow_with_ground(&mut self) {
+        let [x, y, _] = self.position_in_ground();
+        let robot = &self.task.robot;
+        if let Some(relief) = &self.relief {
+            self.simulation.move_floor(robot.floor, relief.nearest_tile([x, y]));
+        }
+        if let Some(patches) = self.task.ground.as_ref().and_then(Ground::patches) {
+            self.simulation.update_positions();
+            for address in &robot.leg_addresses {
+                let [x, y, _] = self.simulation.geom_positions_in_world()[address.foot];
+                let own = self.episode.world.friction.unwrap_or(robot.model.friction(address.foot));
+                let factor = patches.factor_at([x, y], self.episode.draw.key);
+                self.simulation.set_friction_of(address.foot, factor * own);
+            }
+        }
+    }
+
+    /// Height of the ground at a point: forward, left [m].
+    pub fn ground_height_m(&self, point: [f64; 2]) -> f64 {
+        self.relief.as_ref().map_or(0.0, |relief| relief.height_m(point))
+    }
+
+    /// Height of the body above the ground below it [m].
+    pub fn height_above_ground_m(&self) -> f64 {
+        let [x, y, z] = self.position_in_ground();
+        z - self.ground_height_m([x, y])
     }
 
     /// One control step with the policy's action.
@@ -241,6 +285,7 @@ impl Env {
             self.push(velocity);
         }
         let (before, heading_before, began_sane) = (self.position_in_ground(), self.heading_rad(), self.makes_sense());
+        self.follow_with_ground();
         let mut work_j = self.simulate();
         self.env_steps = self.env_steps.saturating_add(1);
 
@@ -365,7 +410,7 @@ impl Env {
         let up = self.ground_from_body()[2][2];
         if up < limits.max_tilt_deg.to_radians().cos() {
             Some(Accident::Rollover)
-        } else if self.position_in_ground()[2] < task.min_height_m() {
+        } else if self.height_above_ground_m() < task.min_height_m() {
             Some(Accident::TooLow)
         } else if stuck_s >= limits.stuck_time_s {
             Some(Accident::LegStuck)

@@ -8,12 +8,14 @@ use canter_gait::observation::observation_len;
 use canter_gait::prior::LegGait;
 use canter_gait::{ActionLaw, Controller, Gait, Modulation, ObservationBlock, ParameterRanges, Range};
 
-use crate::ground::GroundSettings;
+use crate::ground::{Ground, GroundSettings};
 use crate::mirror::MirrorMaps;
+use crate::mujoco::Model;
 use crate::reward::{RewardScale, RewardWeights};
 use crate::robot::Robot;
 use crate::settings::{Problems, above};
 use crate::variation::{Variant, Variation, VariationSettings, interval};
+use crate::world::World;
 use crate::{choices, settings};
 
 settings! {
@@ -176,6 +178,10 @@ pub struct Task {
     pub settings: TaskSettings,
     /// What differs between the environments of a training.
     pub variation: Variation,
+    /// What lies on the ground; none: it is a plane.
+    pub ground: Option<Ground>,
+    /// The robot's model on uneven ground.
+    uneven: Option<Arc<Model>>,
     /// The reward's weights.
     pub reward: RewardWeights,
     /// What makes the reward dimensionless.
@@ -259,15 +265,27 @@ impl Task {
                 Err(reason) => problems.at("policy.symmetric", format!("{reason}; else set it to false")),
             }
         }
+        let leg_length_m = robot.settings.stance_height_m;
+        let max_roughness = World::of(settings).roughness.max(variation.greatest_roughness());
+        let on_ground = settings.ground.clone().or((max_roughness > 0.0).then(GroundSettings::smooth));
+        let ground = on_ground.map(|ground| Ground::new(&ground, max_roughness, leg_length_m, &mut problems));
+        let mut uneven = None;
+        if let Some(ground) = ground.as_ref().filter(|ground| ground.is_uneven()) {
+            match robot.model.on_uneven_ground(robot.floor, &robot.settings.floor, &ground.field()) {
+                Ok(model) => uneven = Some(Arc::new(model)),
+                Err(message) => problems.at("task.ground", format!("MuJoCo cannot put this ground under the robot: {message}")),
+            }
+        }
         problems.finish(())?;
         let (Some(gait), Some(ranges), Some(num_substeps)) = (gait, ranges, num_substeps) else {
             unreachable!("a missing gait, range or number of steps is a problem");
         };
-        let leg_length_m = robot.settings.stance_height_m;
         let lift_energy_j = robot.model.total_mass_kg() * robot.model.gravity() * leg_length_m;
         Ok(Self {
             settings: settings.clone(),
             variation,
+            ground,
+            uneven,
             reward: RewardWeights {
                 forward: reward.forward,
                 drift: reward.drift,
@@ -344,7 +362,13 @@ impl Task {
 
     /// Whether an episode with this variant has anything that its key decides.
     pub(crate) fn needs_key(&self, variant: Option<Variant>) -> bool {
-        self.variation.needs_key(variant)
+        let roughness = World::of(&self.settings).roughness;
+        self.variation.needs_key(variant) || self.ground.as_ref().is_some_and(|ground| ground.needs_key(roughness))
+    }
+
+    /// The robot's model on this task's ground.
+    pub(crate) fn model(&self) -> &Model {
+        self.uneven.as_deref().unwrap_or(&self.robot.model)
     }
 
     /// How close to the ground the body may come before that is an accident [m].

@@ -113,7 +113,6 @@ pub struct Variation {
     noise: Noise,
     pushes: Option<Pushes>,
     has_curriculum: bool,
-    own: World,
 }
 
 impl Variation {
@@ -142,7 +141,6 @@ impl Variation {
             },
             pushes: None,
             has_curriculum: settings.curriculum.unwrap_or(false),
-            own: World::of(task),
         };
         match (settings.push_interval_s, settings.push_velocity) {
             (Some(interval_s), Some(velocity)) => variation.pushes = Some(Pushes { interval_s, velocity }),
@@ -185,9 +183,9 @@ impl Variation {
             || self.pushes.is_some()
     }
 
-    /// Whether there is rough ground in some episodes.
-    pub(crate) fn has_roughness(&self) -> bool {
-        self.roughness.is_some() && self.share > 0.0
+    /// The greatest roughness of an episode, beside the task's own.
+    pub(crate) fn greatest_roughness(&self) -> f64 {
+        self.roughness.filter(|_| self.share > 0.0).map_or(0.0, |[_, high]| high)
     }
 
     /// The longest delay of a command [s]; none if delays do not vary.
@@ -204,7 +202,7 @@ impl Variation {
         self.varies_ground() || self.pushes.is_some()
     }
 
-    /// What the episode of this draw is like.
+    /// What the episode of this draw is like, where the task has `own` without variations.
     ///
     /// ```text
     /// slope = own + level (low + (high - low) place / share - own)   where place < share, else the task's own
@@ -212,8 +210,8 @@ impl Variation {
     /// ```
     ///
     /// Source: our definition.
-    pub fn world(&self, draw: &Draw) -> World {
-        let mut world = self.own;
+    pub fn world(&self, draw: &Draw, own: World) -> World {
+        let mut world = own;
         let Some(Variant { place, level }) = draw.variant else { return world };
         let drawn = |range: Option<Interval>, purpose: Purpose| {
             range.map(|[low, high]| low + (high - low) * keyed::uniform(draw.key, purpose, 0))

@@ -19,6 +19,7 @@ pub mod film;
 pub mod footfall;
 mod json;
 pub mod policy_file;
+pub mod robustness;
 pub mod run;
 pub mod run_directory;
 pub mod search;

@@ -8,6 +8,7 @@ pub mod film;
 pub mod replay;
 pub mod report;
 pub mod robots;
+pub mod robustness;
 pub mod train;
 pub mod view;
 

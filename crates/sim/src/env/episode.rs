@@ -22,7 +22,7 @@ pub(super) struct Episode {
 impl Episode {
     /// The episode of this draw.
     pub fn new(task: &Task, draw: Draw) -> Self {
-        let world = task.variation.world(&draw);
+        let world = task.variation.world(&draw, World::of(&task.settings));
         Self {
             world,
             delay_steps: task.delay_steps(world.delay_s),

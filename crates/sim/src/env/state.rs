@@ -16,7 +16,7 @@ impl Draw {
     /// How many numbers a draw is in a state.
     const NUM_NUMBERS: usize = 3;
     /// Place and level where nothing varies.
-    const UNVARIED: (f64, f64) = (-1.0, 0.0);
+    const UNVARIED: (f64, f64) = (-1.0, 1.0);
 
     fn to_numbers(self) -> [f64; Self::NUM_NUMBERS] {
         let (place, level) = self.variant.map_or(Self::UNVARIED, |variant| (variant.place, variant.level));

@@ -20,6 +20,18 @@ impl Simulation {
         }
     }
 
+    /// Sets the sliding friction of one geom, and of every contact pair that it is in.
+    pub fn set_friction_of(&mut self, geom: usize, friction: f64) {
+        let model = self.model_mut();
+        model.geom_friction_mut()[geom][0] = friction;
+        for pair in 0..model.pair_friction().len() {
+            let geoms = [model.pair_geom1()[pair], model.pair_geom2()[pair]];
+            if geoms.contains(&(geom as i32)) {
+                model.pair_friction_mut()[pair][..2].fill(friction);
+            }
+        }
+    }
+
     /// Multiplies the force of every actuator, as a function of its target, its length and its velocity.
     pub fn set_gains(&mut self, own: &Model, factor: f64) {
         let model = self.model_mut();
@@ -53,7 +65,7 @@ impl Simulation {
         self.update_constants();
     }
 
-    fn model_mut(&mut self) -> &mut MjModel {
+    pub(super) fn model_mut(&mut self) -> &mut MjModel {
         // SAFETY: callers in this module change numbers of the physics only; no size, index or address.
         unsafe { self.data.model_mut() }
     }

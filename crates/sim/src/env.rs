@@ -208,7 +208,10 @@ impl Env {
             self.simulation.set_friction_of(self.task.robot.floor, 0.0);
         }
         let ground = self.task.ground.as_ref().filter(|ground| ground.is_uneven());
-        self.relief = ground.map(|ground| ground.relief(draw.key, episode.world.roughness));
+        if let Some(ground) = ground {
+            self.relief = ground.relief(draw.key, episode.world.roughness);
+            self.simulation.set_floor_even(self.task.model(), self.task.robot.floor, self.relief.is_none());
+        }
         if let Some(relief) = &self.relief {
             relief.write(self.simulation.height_field_mut());
         }

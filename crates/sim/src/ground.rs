@@ -119,8 +119,11 @@ impl Ground {
         }
     }
 
-    /// The ground of the episode with this key and roughness.
-    pub(crate) fn relief(&self, key: u64, roughness: f64) -> Relief {
+    /// The ground of the episode with this key and roughness; none if it is even.
+    pub(crate) fn relief(&self, key: u64, roughness: f64) -> Option<Relief> {
+        if roughness == 0.0 && self.curb_height == 0.0 {
+            return None;
+        }
         let bumps = Lattice::new(PERIOD / self.correlation_length, key);
         let num_curbs = 2.0 * (PERIOD / (2.0 * self.curb_length)).round().max(1.0);
         // Which of them come first is drawn, so that a robot starts on the ground or on a curb.
@@ -135,7 +138,7 @@ impl Ground {
                 heights.push(((bump + curb) / top) as f32);
             }
         }
-        Relief { heights, top_m: top * self.height_m, period_m: PERIOD * self.height_m }
+        Some(Relief { heights, top_m: top * self.height_m, period_m: PERIOD * self.height_m })
     }
 }
 

@@ -7,6 +7,7 @@ use std::sync::Arc;
 use canter_sim::ground::GroundSettings;
 use canter_sim::robot::built_in_robots;
 use canter_sim::task::ModulationChoice;
+use canter_sim::variation::Variant;
 use canter_sim::{Accident, Env, Robot, Task, TaskSettings};
 
 /// A kind of ground: its name, and what it changes of a task on flat ground.
@@ -200,4 +201,30 @@ fn patches_give_the_feet_their_friction() {
     }
     assert!(seen.iter().all(|friction| (0.5..=0.7).contains(friction)), "{seen:?}");
     assert!(seen.iter().any(|friction| *friction != seen[0]));
+}
+
+#[test]
+fn an_even_episode_of_a_task_with_rough_ones_is_flat_ground_to_the_byte() {
+    let robot = Robot::load("doggo").unwrap();
+    let walk = |roughness: Option<Vec<f64>>| {
+        let mut settings = common::task_settings();
+        settings.variation.roughness = roughness;
+        settings.variation.share = Some(0.5);
+        let policy = common::policy_settings("sine", ModulationChoice::Direct);
+        let task = common::task(robot.clone(), &settings, &policy);
+        let mut env = Env::new(task.clone());
+        let mut observation = vec![0.0; task.num_observations()];
+        let mut walked = Vec::new();
+        // A rough episode first, so that it leaves no trace.
+        for place in [0.1, 0.9] {
+            env.vary(Variant { place, level: 1.0 });
+            env.reset(&mut common::uniform(3), &mut observation);
+            (0..200).for_each(|_| _ = env.step_prior(&mut observation));
+            walked.push(env.simulation().qpos().to_vec());
+        }
+        walked
+    };
+    let (flat, mixed) = (walk(None), walk(Some(vec![0.1, 0.2])));
+    assert_ne!(flat[0], mixed[0]);
+    assert_eq!(flat[1], mixed[1]);
 }

@@ -69,6 +69,18 @@ impl Simulation {
         &mut model.hfield_data_mut()[first..]
     }
 
+    /// Makes the floor of a model [on uneven ground](Model::on_uneven_ground), `own`, a plane for as long as it is even: half
+    /// the time of a physics step on a height field goes into its contacts.
+    pub fn set_floor_even(&mut self, own: &Model, floor: usize, is_even: bool) {
+        let model = self.model_mut();
+        // SAFETY: the collisions of a plane read nothing of its geom but its place; the height field stays where it is.
+        let kinds = unsafe { model.geom_type_mut() };
+        kinds[floor] = if is_even { MjtGeomBase::mjGEOM_PLANE } else { MjtGeomBase::mjGEOM_HFIELD };
+        // What has no end has no radius.
+        model.geom_rbound_mut()[floor] = if is_even { 0.0 } else { own.compiled.geom_rbound()[floor] };
+        model.geom_pos_mut()[floor] = [0.0; 3];
+    }
+
     /// Puts the floor's middle at this point of the plane z = 0 [m].
     pub fn move_floor(&mut self, floor: usize, [x, y]: [f64; 2]) {
         self.model_mut().geom_pos_mut()[floor] = [x, y, 0.0];

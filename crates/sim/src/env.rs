@@ -201,13 +201,17 @@ impl Env {
     /// Makes the physics what it is in the episode of this draw. The simulation's state is lost.
     fn begin(&mut self, draw: Draw) {
         let episode = Episode::new(&self.task, draw);
+        let ground = self.task.ground.as_ref().filter(|ground| ground.is_uneven());
+        if ground.is_some() {
+            // What MuJoCo derives from the masses depends on the floor's kind: it is the same one for every episode.
+            self.simulation.set_floor_even(self.task.model(), self.task.robot.floor, false);
+        }
         episode.world.apply(&self.episode.world, &self.task.robot, &mut self.simulation);
         self.episode = episode;
         if self.task.ground.as_ref().is_some_and(|ground| ground.patches().is_some()) {
             // Where neither geom has priority the greater friction counts: leave it to the feet.
             self.simulation.set_friction_of(self.task.robot.floor, 0.0);
         }
-        let ground = self.task.ground.as_ref().filter(|ground| ground.is_uneven());
         if let Some(ground) = ground {
             self.relief = ground.relief(draw.key, episode.world.roughness);
             self.simulation.set_floor_even(self.task.model(), self.task.robot.floor, self.relief.is_none());

@@ -116,11 +116,7 @@ impl Env {
             return_so_far: 0.0,
             actual: motors.clone(),
             relief: None,
-            sensed: Sensed {
-                motors,
-                orientation: [0.0; 3],
-                angular_velocity_in_body: [0.0; 3],
-            },
+            sensed: Sensed { motors, orientation: [0.0; 3], angular_velocity_in_body: [0.0; 3] },
             buffers: Buffers {
                 torques: vec![0.0; task.robot.motor_joints().count()],
                 velocities: vec![0.0; task.robot.motor_joints().count()],
@@ -157,10 +153,14 @@ impl Env {
         self.env_steps = 0;
         self.return_so_far = 0.0;
         let [roll, pitch, yaw] = [noise(uniform), noise(uniform), noise(uniform)];
-        let starts: Vec<LegPosition> = robot.legs.iter().map(|leg| {
-            let position = LegPosition { swing: noise(uniform) as f32, extension: noise(uniform) as f32 };
-            leg.limits.clamp(position)
-        }).collect();
+        let starts: Vec<LegPosition> = robot
+            .legs
+            .iter()
+            .map(|leg| {
+                let position = LegPosition { swing: noise(uniform) as f32, extension: noise(uniform) as f32 };
+                leg.limits.clamp(position)
+            })
+            .collect();
         // Drawn last, so that an episode's start does not depend on what it is like.
         let variant = self.episode.draw.variant;
         let key = if task.needs_key(variant) { (uniform() * KEYS) as u64 } else { 0 };
@@ -238,6 +238,17 @@ impl Env {
                 self.simulation.set_friction_of(address.foot, factor * own);
             }
         }
+    }
+
+    /// Whether this episode's ground is more than a plane.
+    pub fn is_on_uneven_ground(&self) -> bool {
+        self.relief.is_some()
+    }
+
+    /// Where the middle of this episode's piece of ground lies: forward, left [m].
+    pub(crate) fn ground_middle(&self) -> [f64; 2] {
+        let [x, y, _] = self.position_in_ground();
+        self.relief.as_ref().map_or([0.0; 2], |relief| relief.nearest_tile([x, y]))
     }
 
     /// Height of the ground at a point: forward, left [m].

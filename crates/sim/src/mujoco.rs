@@ -1,8 +1,8 @@
 //! The one place that names MuJoCo: loading a model, stepping it, reading and restoring its state, and drawing it.
 
 mod changes;
-mod relief;
 pub mod painter;
+mod relief;
 #[cfg(feature = "view")]
 pub mod viewer;
 
@@ -118,7 +118,9 @@ impl Model {
     /// MuJoCo's own words about what is wrong with the file.
     pub fn load(path: &Path) -> Result<Self, String> {
         keep_messages();
-        MjModel::from_xml(path).map(|compiled| Self::new(compiled, Source::File(path.to_owned()))).map_err(|error| message_of(&error))
+        MjModel::from_xml(path)
+            .map(|compiled| Self::new(compiled, Source::File(path.to_owned())))
+            .map_err(|error| message_of(&error))
     }
 
     /// Compiles a model that is text: MJCF without other files.
@@ -127,7 +129,9 @@ impl Model {
     /// MuJoCo's own words about what is wrong with it.
     pub fn parse(text: &str) -> Result<Self, String> {
         keep_messages();
-        MjModel::from_xml_string(text).map(|compiled| Self::new(compiled, Source::Text(text.into()))).map_err(|error| message_of(&error))
+        MjModel::from_xml_string(text)
+            .map(|compiled| Self::new(compiled, Source::Text(text.into())))
+            .map_err(|error| message_of(&error))
     }
 
     /// The number of the object of this name.

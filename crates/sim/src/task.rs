@@ -273,7 +273,9 @@ impl Task {
         if let Some(ground) = ground.as_ref().filter(|ground| ground.is_uneven()) {
             match robot.model.on_uneven_ground(robot.floor, &robot.settings.floor, &ground.field()) {
                 Ok(model) => uneven = Some(Arc::new(model)),
-                Err(message) => problems.at("task.ground", format!("MuJoCo cannot put this ground under the robot: {message}")),
+                Err(message) => {
+                    problems.at("task.ground", format!("MuJoCo cannot put this ground under the robot: {message}"))
+                }
             }
         }
         problems.finish(())?;

@@ -125,7 +125,8 @@ impl Variation {
         let mut variation = Self {
             share: settings.share.unwrap_or(1.0),
             slope_rad: range("slope_deg", &settings.slope_deg).map(|slope| slope.map(f64::to_radians)),
-            cross_slope_rad: range("cross_slope_deg", &settings.cross_slope_deg).map(|slope| slope.map(f64::to_radians)),
+            cross_slope_rad: range("cross_slope_deg", &settings.cross_slope_deg)
+                .map(|slope| slope.map(f64::to_radians)),
             roughness: range("roughness", &settings.roughness),
             friction: range("friction", &settings.friction),
             mass_factor: range("mass_factor", &settings.mass_factor),
@@ -228,8 +229,9 @@ impl Variation {
         world.gain_factor = drawn(self.gain_factor, Purpose::Gain).unwrap_or(world.gain_factor);
         world.delay_s = drawn(self.delay_s, Purpose::Delay).or(world.delay_s);
         if self.com_shift > 0.0 {
-            world.com_shift =
-                std::array::from_fn(|axis| self.com_shift * keyed::either_way(draw.key, Purpose::CentreOfMass, axis as u64));
+            world.com_shift = std::array::from_fn(|axis| {
+                self.com_shift * keyed::either_way(draw.key, Purpose::CentreOfMass, axis as u64)
+            });
         }
         world
     }

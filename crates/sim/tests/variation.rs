@@ -74,7 +74,8 @@ fn masses_friction_and_gains_are_what_was_drawn() {
 
 #[test]
 fn episodes_do_not_add_up() {
-    let task = task(VariationSettings { mass_factor: Some(vec![1.1, 1.2]), com_shift: Some(0.3), ..common::no_variation() });
+    let task =
+        task(VariationSettings { mass_factor: Some(vec![1.1, 1.2]), com_shift: Some(0.3), ..common::no_variation() });
     let mut env = Env::new(task.clone());
     let mut observation = vec![0.0; task.num_observations()];
     env.vary(ALL);
@@ -213,16 +214,14 @@ fn noise_is_in_what_the_sensors_say_and_nowhere_else() {
 
 #[test]
 fn pushes_come_once_an_interval_and_are_as_large_as_said() {
-    let task = task(VariationSettings {
-        push_interval_s: Some(0.5),
-        push_velocity: Some(0.4),
-        ..common::no_variation()
-    });
+    let task =
+        task(VariationSettings { push_interval_s: Some(0.5), push_velocity: Some(0.4), ..common::no_variation() });
     // sqrt(9.81 * 0.17) = 1.2914 m/s
     let largest = 0.4 * 1.2914;
     let mut sizes = Vec::new();
     for seed in 0..10 {
-        let (mut pushed, mut level_0) = (begun(&task, ALL, seed), begun(&task, Variant { place: 0.5, level: 0.0 }, seed));
+        let (mut pushed, mut level_0) =
+            (begun(&task, ALL, seed), begun(&task, Variant { place: 0.5, level: 0.0 }, seed));
         let mut observation = vec![0.0; task.num_observations()];
         let mut steps = Vec::new();
         for step in 0..150 {
@@ -250,11 +249,8 @@ fn pushes_come_once_an_interval_and_are_as_large_as_said() {
 
 #[test]
 fn a_level_scales_slopes_roughness_and_pushes() {
-    let task = task(VariationSettings {
-        slope_deg: Some(vec![0.0, 20.0]),
-        curriculum: Some(true),
-        ..common::no_variation()
-    });
+    let task =
+        task(VariationSettings { slope_deg: Some(vec![0.0, 20.0]), curriculum: Some(true), ..common::no_variation() });
     let pitch_deg = |level: f64| {
         let mut env = Env::new(task.clone());
         let mut observation = vec![0.0; task.num_observations()];

@@ -189,30 +189,27 @@ const fn for_robot(name: &'static str, changes: &'static [(&'static str, &'stati
 const ROBUST_ENDING: &str = "-robust";
 
 /// What a robust preset varies. The ranges are a little wider than what a policy is to bear: friction 0.5 to 1.2, masses
-/// 20 % off, commands 0 to 20 ms late, slopes of 20 degrees. Chosen on Doggo, training seeds from 101 on and evaluation
-/// seed 1000.
-const ROBUST: [(&str, &str); 19] = [
-    // Twice the env steps of the other presets: there is more to learn, and the curriculum needs its time.
-    ("training.max_env_steps", "2000000"),
-    ("training.checkpoint_env_steps", "400000"),
-    ("task.variation.share", "0.6"),
-    ("task.variation.slope_deg", "[0.0, 28.0]"),
+/// 20 % off, commands 0 to 20 ms late, slopes of 20 degrees. Chosen on Doggo, training seed 101 and evaluation seed 1000.
+/// Roughness and curriculum are left out: with both, and slopes to 28 degrees, the level of difficulty was 0.35 after
+/// 1,700,000 env steps; with the curriculum alone the gait became a third faster, but fell at 20 degrees.
+const ROBUST: [(&str, &str); 16] = [
+    // There is more to learn than in the other presets.
+    ("training.max_env_steps", "2500000"),
+    ("training.checkpoint_env_steps", "500000"),
+    ("task.variation.slope_deg", "[0.0, 26.0]"),
     ("task.variation.cross_slope_deg", "[-8.0, 8.0]"),
-    ("task.variation.roughness", "[0.0, 0.15]"),
-    ("task.variation.friction", "[0.4, 1.3]"),
+    ("task.variation.friction", "[0.4, 1.5]"),
     ("task.variation.mass_factor", "[0.75, 1.25]"),
     ("task.variation.com_shift", "0.1"),
     ("task.variation.strength_factor", "[0.85, 1.15]"),
     ("task.variation.gain_factor", "[0.85, 1.15]"),
-    ("task.variation.delay_s", "[0.0, 0.03]"),
+    ("task.variation.delay_s", "[0.0, 0.025]"),
     ("task.variation.angle_noise_rad", "0.01"),
     ("task.variation.velocity_noise_rad_per_s", "0.5"),
     ("task.variation.orientation_noise_rad", "0.02"),
     ("task.variation.angular_velocity_noise_rad_per_s", "0.1"),
     ("task.variation.push_interval_s", "3.0"),
     ("task.variation.push_velocity", "0.2"),
-    // Without it the robot learns half as fast a gait in the same time.
-    ("task.variation.curriculum", "true"),
 ];
 
 impl Preset {

@@ -32,12 +32,8 @@ impl Draw {
 impl Env {
     /// Everything that the next step depends on.
     pub fn state(&self) -> Vec<f64> {
-        let mut state = vec![
-            f64::from(self.clock.phase()),
-            f64::from(self.env_steps),
-            self.return_so_far,
-            self.stuck.seconds(),
-        ];
+        let mut state =
+            vec![f64::from(self.clock.phase()), f64::from(self.env_steps), self.return_so_far, self.stuck.seconds()];
         state.extend(self.episode.draw.to_numbers());
         state.extend(self.previous_action.iter().map(|&value| f64::from(value)));
         state.extend(self.commands.iter().flatten().map(|&value| f64::from(value)));
@@ -85,7 +81,8 @@ impl Env {
     fn check_own(&self, own: &[f64]) -> Result<(), String> {
         /// No joint is asked for as much [rad].
         const LARGEST_COMMAND: f64 = 1e2;
-        let [phase, env_steps, return_so_far, stuck_s, place, level, key] = own[..NUM_COUNTERS + Draw::NUM_NUMBERS] else {
+        let [phase, env_steps, return_so_far, stuck_s, place, level, key] = own[..NUM_COUNTERS + Draw::NUM_NUMBERS]
+        else {
             unreachable!("the caller has counted");
         };
         let (actions, commands) = own[NUM_COUNTERS + Draw::NUM_NUMBERS..].split_at(self.previous_action.len());
@@ -127,4 +124,3 @@ impl Env {
         2.0 * terms.forward - terms.total()
     }
 }
-

@@ -34,7 +34,10 @@ impl Model {
             .with_ncol(num_points)
             .set_userdata(vec![0.0; field.num_points * field.num_points]);
         let geom = spec.geom_mut(name).ok_or_else(|| format!("there is no geom called `{name}`"))?;
-        geom.with_type(MjtGeomBase::mjGEOM_HFIELD).with_hfieldname(FIELD).with_pos([0.0; 3]).with_quat([1.0, 0.0, 0.0, 0.0]);
+        geom.with_type(MjtGeomBase::mjGEOM_HFIELD)
+            .with_hfieldname(FIELD)
+            .with_pos([0.0; 3])
+            .with_quat([1.0, 0.0, 0.0, 0.0]);
         let mut compiled = spec.compile().map_err(|error| error.to_string())?;
         if compiled.geom_type()[floor] != MjtGeomBase::mjGEOM_HFIELD {
             return Err(format!("the geom `{name}` has changed its number"));
@@ -79,6 +82,12 @@ impl Simulation {
         // What has no end has no radius.
         model.geom_rbound_mut()[floor] = if is_even { 0.0 } else { own.compiled.geom_rbound()[floor] };
         model.geom_pos_mut()[floor] = [0.0; 3];
+    }
+
+    /// The model as it is now: its ground, and what else episodes change.
+    pub(crate) fn to_model(&self) -> Model {
+        let compiled = self.data.model().clone();
+        Model { compiled, standing: self.standing.clone(), source: Source::Text("".into()) }
     }
 
     /// Puts the floor's middle at this point of the plane z = 0 [m].

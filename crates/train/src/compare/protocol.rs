@@ -1,6 +1,5 @@
 //! What is compared, and by which rules: the gaits, their budgets, how they are measured.
 
-
 use canter_sim::Task;
 use serde::{Deserialize, Serialize};
 

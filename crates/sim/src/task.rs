@@ -274,7 +274,7 @@ impl Task {
             match robot.model.on_uneven_ground(robot.floor, &robot.settings.floor, &ground.field()) {
                 Ok(model) => uneven = Some(Arc::new(model)),
                 Err(message) => {
-                    problems.at("task.ground", format!("MuJoCo cannot put this ground under the robot: {message}"))
+                    problems.at("task.ground", format!("MuJoCo cannot put this ground under the robot: {message}"));
                 }
             }
         }

@@ -48,10 +48,10 @@ pub const CONDITIONS: [Condition; 21] = [
     condition("downhill 10 deg", |task| task.slope_deg = -10.0),
     condition("across 10 deg", |task| task.cross_slope_deg = Some(10.0)),
     condition("rough 0.15 h", |task| {
-        task.ground = Some(GroundSettings { roughness: Some(0.15), ..GroundSettings::smooth() })
+        task.ground = Some(GroundSettings { roughness: Some(0.15), ..GroundSettings::smooth() });
     }),
     condition("curbs 0.1 h", |task| {
-        task.ground = Some(GroundSettings { curb_height: Some(0.1), ..GroundSettings::smooth() })
+        task.ground = Some(GroundSettings { curb_height: Some(0.1), ..GroundSettings::smooth() });
     }),
     Condition { name: "push 0.3 sqrt(g h)", change: |_| {}, push: Some(0.3) },
 ];

@@ -94,10 +94,10 @@ fn shift_centre_of_mass(model: &mut MjModel, own: &MjModel, body: usize, shift_m
     }
     // Bounds are kept in the inertia's frame: they move the other way.
     let body_from_inertia = frame::from_quaternion(own.body_iquat()[body]);
+    let moved: [f64; 3] = std::array::from_fn(|axis| (0..3).map(|i| body_from_inertia[i][axis] * shift_m[i]).sum());
     let first = own.body_bvhadr()[body].max(0) as usize;
     for node in first..first + own.body_bvhnum()[body] as usize {
-        for axis in 0..3 {
-            let moved: f64 = (0..3).map(|i| body_from_inertia[i][axis] * shift_m[i]).sum();
+        for (axis, moved) in moved.into_iter().enumerate() {
             model.bvh_aabb_mut()[node][axis] = own.bvh_aabb()[node][axis] - moved;
         }
     }

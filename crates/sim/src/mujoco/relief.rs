@@ -66,7 +66,7 @@ impl Simulation {
     /// the back to the front; shares of the field's greatest height.
     pub fn height_field_mut(&mut self) -> &mut [f32] {
         let model = self.model_mut();
-        let id = (0..model.hfield_nrow().len()).rev().next();
+        let id = (0..model.hfield_nrow().len()).next_back();
         // It was added last.
         let first = id.map_or(0, |id| model.hfield_adr()[id] as usize);
         &mut model.hfield_data_mut()[first..]

@@ -3,6 +3,8 @@
 use std::path::PathBuf;
 
 use canter_train::compare::protocol::Rung;
+use canter_train::config::DEFAULT_PRESET;
+use canter_train::sweep::plan::Axis;
 use clap::{Args, Parser, Subcommand};
 
 use crate::output::LogFormat;
@@ -35,7 +37,9 @@ pub enum Command {
     Robustness(RobustnessArgs),
     /// Compare learned, tuned and default gaits at equal budgets over several seeds
     Compare(CompareArgs),
-    /// Draw runs or a comparison: one HTML page, figures, tables
+    /// Train with other values of the configuration, over several seeds
+    Sweep(SweepArgs),
+    /// Draw runs, a comparison or a sweep: one HTML page, figures, tables
     Report(ReportArgs),
     /// Film the prior and the learned gait side by side
     Film(FilmArgs),
@@ -43,6 +47,8 @@ pub enum Command {
     View(ViewArgs),
     /// List the robots, or explain one
     Robots(RobotsArgs),
+    /// Write a gait as a table, or find the gait that is closest to one
+    Gait(GaitArgs),
     /// Print a preset with the meaning of every value
     Config(ConfigArgs),
     /// Compile a model, within limits of time and memory
@@ -55,14 +61,15 @@ pub enum Command {
 Examples:
   canter train                                     Doggo's trot, our best settings
   canter train paper --seed 3                      the paper's method
-  canter train doggo --set policy.authority=0.5    keep half of the hand-made gait
+  canter train doggo --authority 0.5               keep half of the hand-made gait
+  canter train --set policy.modulation=residual    add to every actuator target instead
   canter train my-run.toml --out runs/first        a configuration of your own
   canter train --set robot=my-doggo/robot.toml     a robot of your own
 
 Ctrl-C ends the training after the current iteration and saves it; `canter resume` goes on.")]
 pub struct TrainArgs {
     /// Name of a preset, or path of a configuration file (see `canter config`)
-    #[arg(default_value = canter_train::config::DEFAULT_PRESET)]
+    #[arg(default_value = DEFAULT_PRESET)]
     pub preset: String,
     /// Seed of every random stream; the same seed gives the same bytes, whatever the number of threads
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
@@ -73,6 +80,9 @@ pub struct TrainArgs {
     /// Env steps of training; short for `--set training.max_env_steps=N`
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub steps: Option<u64>,
+    /// How much of the gait the policy may change, 0 to 1; short for `--set policy.authority=X`
+    #[arg(long, value_name = "X", allow_negative_numbers = true)]
+    pub authority: Option<f64>,
     /// The run directory; `runs/PRESET-SEED-n` if not given
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
@@ -112,22 +122,23 @@ pub struct ReplayArgs {
     pub json: bool,
 }
 
-#[derive(Debug, Args)]
+#[derive(Clone, Debug, Args)]
 #[command(after_help = "\
 Examples:
   canter eval runs/doggo-1-1                       the policy, its prior and the default gaits
   canter eval runs/doggo-1-1 --slope 10 --json     ten degrees uphill, for a program
   canter eval --robot doggo --prior stepping       a bare gait
+  canter eval --robot hexapod                      every gait that a robot has
 
 Every gait starts from the same random states. Speed is the forward displacement after the first second.")]
 pub struct EvalArgs {
     /// The run directory of a trained policy
-    #[arg(required_unless_present_all = ["robot", "prior"], conflicts_with_all = ["robot", "prior"])]
+    #[arg(required_unless_present = "robot", conflicts_with_all = ["robot", "prior"])]
     pub run: Option<PathBuf>,
     /// Robot of a bare gait: a name (see `canter robots`) or the path of a robot.toml
-    #[arg(long, value_name = "NAME", requires = "prior")]
+    #[arg(long, value_name = "NAME")]
     pub robot: Option<String>,
-    /// Name of a bare gait of that robot
+    /// Name of a bare gait of that robot; all of them if not given
     #[arg(long, value_name = "NAME", requires = "robot")]
     pub prior: Option<String>,
     /// Slope of the ground in degrees, positive uphill
@@ -217,14 +228,60 @@ pub struct CompareArgs {
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
+  canter sweep --over policy.authority=0,0.25,0.5,0.75,1 --seeds 3      the authority dial
+  canter sweep --over preset=minitaur,q8bot,hexapod --steps 300000      one training of each robot
+  canter sweep --over reward.energy=0.01,0.03,0.1 --over ppo.gamma=0.97,0.98
+                                                                        every combination
+  canter sweep --random 20 --over ppo.learning_rate=1e-4..1e-2/log --over ppo.num_epochs=4,8
+
+Each training is a run directory of its own: `canter report`, `eval` and `film` take it.
+
+Ctrl-C saves and stops; the same command with the folder as --out goes on.")]
+pub struct SweepArgs {
+    /// A preset, or the path of a configuration file
+    #[arg(default_value = DEFAULT_PRESET)]
+    pub preset: String,
+    /// A key of the configuration and its values: KEY=A,B,C, or KEY=LOW..HIGH for random points (KEY=LOW..HIGH/log: evenly
+    /// in the logarithm); `preset` as the key stands for the preset. May be given several times
+    #[arg(long, value_name = "KEY=VALUES", required = true)]
+    pub over: Vec<Axis>,
+    /// That many random points instead of every combination
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=10_000))]
+    pub random: Option<u64>,
+    /// Number of training seeds of each point: 1 to N
+    #[arg(long, value_name = "N", default_value = "1", value_parser = clap::value_parser!(u64).range(1..=1000))]
+    pub seeds: u64,
+    /// The first training seed
+    #[arg(long, value_name = "N", default_value = "1", value_parser = clap::value_parser!(u64).range(0..=9_007_199_254_740_992))]
+    pub first_seed: u64,
+    /// Env steps of each training; the preset's if not given
+    #[arg(long, value_name = "STEPS", value_parser = clap::value_parser!(u64).range(1..=100_000_000_000))]
+    pub steps: Option<u64>,
+    /// Set one value of every training; may be given several times
+    #[arg(long = "set", value_name = "KEY=VALUE", value_parser = key_value)]
+    pub overrides: Vec<(String, String)>,
+    /// The sweep's folder; `runs/sweep-n` if not given
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+    /// Trainings side by side, each on one thread; as many as there are cores if not given
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub threads: Option<u16>,
+    /// Form of what is printed: sentences, or one JSON object a line
+    #[arg(long, value_name = "FORMAT", default_value = "text")]
+    pub log_format: LogFormat,
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
   canter report runs/doggo-1-1                     into the run directory itself
   canter report runs/doggo-* --out several-seeds   several trainings on one page
-  canter report docs/results                       a folder with compare.json
+  canter report docs/results                       a folder with compare.json or sweep.json
 
 It leaves report.html, which needs no other file and no network, figures/*.svg and tables/*.csv. Figures as PNG files
 need a build with the feature `png`: cargo build --release --package canter --features png.")]
 pub struct ReportArgs {
-    /// Run directories that are finished, or one folder with `compare.json`
+    /// Run directories that are finished, or one folder with `compare.json` or `sweep.json`
     #[arg(required = true, value_name = "RUN")]
     pub folders: Vec<PathBuf>,
     /// Folder for the report; the run directory itself if one run is given without it
@@ -284,6 +341,79 @@ pub struct ViewArgs {
 pub struct RobotsArgs {
     /// Name of a robot, or path of a robot.toml: prints it with the meaning of every value
     pub robot: Option<String>,
+}
+
+#[derive(Debug, Args)]
+pub struct GaitArgs {
+    #[command(subcommand)]
+    pub command: GaitCommand,
+}
+
+#[derive(Debug, Subcommand)]
+pub enum GaitCommand {
+    /// Find the sine or stepping gait that is closest to a table of actuator targets
+    Fit(GaitFitArgs),
+    /// Write a gait's actuator targets over one cycle
+    Table(GaitTableArgs),
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  canter gait fit --table trot.csv --robot doggo --frequency 2
+  canter gait fit --table trot.csv --robot doggo --frequency 2 --shape sine --no-eval
+
+The table's first line names the robot's actuators, in any order; each other line has their targets
+in rad at one moment, at equal times over exactly one cycle. Closest is by least squares in leg space,
+all legs of one shape, each with its own phase. What it prints can stand in a robot.toml.")]
+pub struct GaitFitArgs {
+    /// The table, a CSV file
+    #[arg(long, value_name = "FILE")]
+    pub table: PathBuf,
+    /// The robot: a name (see `canter robots`) or the path of a robot.toml
+    #[arg(long, value_name = "NAME")]
+    pub robot: String,
+    /// Cycles per second [Hz]: 1 over the time that the table takes
+    #[arg(long, value_name = "HZ", allow_negative_numbers = true)]
+    pub frequency: f64,
+    /// Fit this shape; the closer one if not given
+    #[arg(long, value_enum)]
+    pub shape: Option<FitShape>,
+    /// Do not measure how fast table and gait walk
+    #[arg(long)]
+    pub no_eval: bool,
+    /// Worker threads; as many as there are cores if not given
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub threads: Option<u16>,
+}
+
+/// What `canter gait fit` fits.
+#[derive(Clone, Copy, Debug, clap::ValueEnum)]
+pub enum FitShape {
+    /// Sines for swing and extension
+    Sine,
+    /// The foot trajectory of Doggo's firmware
+    Stepping,
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  canter gait table --robot doggo --prior stepping                    to the terminal
+  canter gait table --robot doggo --prior stepping --out trot.csv     into a file")]
+pub struct GaitTableArgs {
+    /// The robot: a name (see `canter robots`) or the path of a robot.toml
+    #[arg(long, value_name = "NAME")]
+    pub robot: String,
+    /// Name of a gait of that robot
+    #[arg(long, value_name = "NAME")]
+    pub prior: String,
+    /// Rows at equal times over the cycle, 4 to 10000
+    #[arg(long, value_name = "N", default_value = "64", value_parser = clap::value_parser!(u16).range(4..=10_000))]
+    pub rows: u16,
+    /// The file; the terminal if not given
+    #[arg(long, value_name = "FILE")]
+    pub out: Option<PathBuf>,
 }
 
 #[derive(Debug, Args)]

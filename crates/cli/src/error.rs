@@ -6,12 +6,14 @@ use canter_sim::RobotError;
 use canter_sim::mujoco::viewer::ViewError;
 use canter_sim::settings::Problems;
 use canter_train::checkpoint::CheckpointError;
-use canter_train::compare::CompareError;
 use canter_train::config::ConfigError;
 use canter_train::film::FilmError;
+use canter_train::gait_fit::FitError;
+use canter_train::jobs::JobsError;
 use canter_train::policy_file::PolicyError;
 use canter_train::run::TrainError;
 use canter_train::run_directory::RunError;
+use canter_train::sweep::SweepError;
 
 /// Exit code of a failure with a message.
 pub const FAILURE: u8 = 1;
@@ -33,7 +35,9 @@ pub enum CliError {
     #[error(transparent)]
     Train(#[from] TrainError),
     #[error(transparent)]
-    Compare(#[from] CompareError),
+    Jobs(#[from] JobsError),
+    #[error(transparent)]
+    Sweep(#[from] SweepError),
     #[error("this checkpoint cannot be used: {0}")]
     Checkpoint(#[from] CheckpointError),
     #[error("this policy cannot be used: {0}")]
@@ -54,9 +58,17 @@ pub enum CliError {
     #[error("several runs need a folder for their report; give one with --out DIR")]
     ReportNeedsOut,
     #[error(
-        "{0} holds a comparison, which is reported alone and into its own folder; leave out other folders and --out"
+        "{0} holds a comparison or a sweep, which is reported alone and into its own folder; leave out other folders and --out"
     )]
     ReportAlone(String),
+    #[error("{path}: this table cannot be used: {message}")]
+    Table { path: String, message: String },
+    #[error("{path}: no gait can be fitted to this table: {source}")]
+    Fit { path: String, source: FitError },
+    #[error("{robot} has no gait called `{name}`: there are {known}")]
+    NoGait { robot: String, name: String, known: String },
+    #[error("{path}: cannot be written: {source}")]
+    Write { path: String, source: std::io::Error },
     #[error("{0}")]
     Model(String),
     #[error("cannot limit time and memory: {0}")]

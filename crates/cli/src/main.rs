@@ -29,10 +29,12 @@ fn main() -> ExitCode {
         Command::Eval(args) => commands::eval::eval(&args),
         Command::Robustness(args) => commands::robustness::robustness(&args),
         Command::Compare(args) => commands::compare::compare(&args),
+        Command::Sweep(args) => commands::sweep::sweep(&args),
         Command::Report(args) => commands::report::report(&args),
         Command::Film(args) => commands::film::film(&args),
         Command::View(args) => commands::view::view(&args),
         Command::Robots(args) => commands::robots::robots(&args),
+        Command::Gait(args) => commands::gait::gait(&args),
         Command::Config(args) => commands::config::config(&args),
         Command::CompileModel(args) => commands::compile_model::compile_model(&args),
     };

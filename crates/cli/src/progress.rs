@@ -2,8 +2,8 @@
 
 use std::time::{Duration, Instant};
 
-use canter_train::compare::progress::CompareProgress;
 use canter_train::config::TrainingSettings;
+use canter_train::jobs::progress::JobsProgress;
 use canter_train::trainer::{IterationReport, Progress};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
@@ -74,19 +74,19 @@ impl ProgressLine {
 }
 
 /// Shows how far a comparison has come and how long it will take.
-pub struct CompareLine {
+pub struct JobsLine {
     bar: ProgressBar,
     begin: Instant,
 }
 
-impl CompareLine {
+impl JobsLine {
     /// A line for a comparison that begins or goes on now.
     pub fn new() -> Self {
         Self { bar: bar(), begin: Instant::now() }
     }
 
     /// Shows how far it has come; called from every thread.
-    pub fn show(&self, progress: CompareProgress) {
+    pub fn show(&self, progress: JobsProgress) {
         let elapsed_s = self.begin.elapsed().as_secs_f64();
         let steps_per_s = progress.env_steps.saturating_sub(progress.skipped_env_steps) as f64 / elapsed_s;
         let left = progress.num_env_steps.saturating_sub(progress.env_steps) as f64;

@@ -1,6 +1,6 @@
 //! The verdict as a person reads it.
 
-use canter_train::evaluate::{GaitReport, Verdict};
+use canter_train::evaluate::{GaitReport, ProtocolCard, Verdict};
 
 /// The verdict's sentence and its table.
 pub fn describe(verdict: &Verdict) -> String {
@@ -35,6 +35,13 @@ pub fn describe(verdict: &Verdict) -> String {
         let role = if *name == verdict.prior_name { "prior, default" } else { "default" };
         rows.push((format!("{name} ({role})"), report));
     }
+    lines.push(gait_table(&rows, protocol));
+    lines.join("\n")
+}
+
+/// A row for each gait, and how they were measured.
+pub fn gait_table(rows: &[(String, &GaitReport)], protocol: &ProtocolCard) -> String {
+    let mut lines = Vec::new();
     let width = rows.iter().map(|(name, _)| name.chars().count()).max().unwrap_or(0);
     lines.push(format!("{:width$}  speed  drift  turn  bounce  power  cost of  moved  falls", ""));
     lines.push(format!("{:width$}    m/s      m   deg      mm      W  transp.    m/s", ""));

@@ -299,3 +299,58 @@ fn a_run_that_was_killed_before_it_saved_anything_begins_anew() {
         assert!(read(run) == read("whole"), "{run}");
     }
 }
+
+#[test]
+fn every_gait_of_a_robot_is_measured_at_once() {
+    let folder = TemporaryFolder::new();
+    let text = folder.canter(&["eval", "--robot", "octopod", "--episodes", "2"]).succeeded();
+    let names: Vec<&str> = text.lines().skip(2).map_while(|line| line.split_whitespace().next()).collect();
+    assert_eq!(names, ["alternating", "wave"]);
+    assert!(text.contains("alternating (default, stable)"), "{text}");
+    let json = folder.canter(&["eval", "--robot", "octopod", "--episodes", "2", "--json"]).succeeded();
+    let json: Value = serde_json::from_str(&json).unwrap();
+    assert_eq!(json["protocol"]["num_episodes"], 2);
+    for gait in ["alternating", "wave"] {
+        let report = &json["gaits"][gait];
+        assert!(report["falls"] == 0 && report["speed_m_per_s"].as_f64().unwrap() > 0.1, "{report}");
+    }
+}
+
+#[test]
+fn a_gait_becomes_a_table_and_the_table_a_gait_that_can_be_pasted() {
+    let folder = TemporaryFolder::new();
+    let table =
+        folder.canter(&["gait", "table", "--robot", "doggo", "--prior", "stepping", "--rows", "50"]).succeeded();
+    let mut lines = table.lines();
+    assert!(lines.next().unwrap().starts_with("front_left_swing,front_left_extension,back_left_swing,"), "{table}");
+    // Lift-off: atan2(-0.075, 0.17) = -0.41549.
+    assert!(lines.next().unwrap().starts_with("-0.41549"), "{table}");
+    assert_eq!(lines.count(), 49);
+    let out = ["gait", "table", "--robot", "doggo", "--prior", "stepping", "--rows", "50", "--out", "trot.csv"];
+    let said = folder.canter(&out).succeeded();
+    assert_eq!(said, "Wrote 50 rows of one cycle at 2 Hz into trot.csv\n");
+    assert_eq!(fs::read_to_string(folder.join("trot.csv")).unwrap(), table);
+
+    let fit = ["gait", "fit", "--table", "trot.csv", "--robot", "doggo", "--frequency", "2", "--threads", "2"];
+    let said = folder.canter(&fit).succeeded();
+    let speed = |line: &str| -> f64 {
+        let line = said.lines().find_map(|found| found.strip_prefix(line)).unwrap_or_else(|| panic!("{said}"));
+        line.split_whitespace().next().unwrap().parse().unwrap()
+    };
+    let (of_table, of_gait) = (speed("# The table: "), speed("# This gait: "));
+    assert!(of_table > 0.3 && (of_gait / of_table - 1.0).abs() < 0.02, "{said}");
+    let shape = "\nstance_height_m = 0.17\ndown_amplitude_m = 0.04\nup_amplitude_m = 0.06\nflight_fraction = 0.35\nstep_length_m = 0.15\n";
+    assert!(said.contains("\nkind = \"stepping\"\n") && said.contains(shape), "{said}");
+    // All of it, comments included, is a piece of a robot.toml.
+    let robot = common::in_repository("robots/doggo/robot.toml");
+    fs::write(folder.join("robot.toml"), fs::read_to_string(robot).unwrap() + "\n" + &said).unwrap();
+    fs::copy(common::in_repository("robots/doggo/doggo.xml"), folder.join("doggo.xml")).unwrap();
+    let again = ["gait", "table", "--robot", "./robot.toml", "--prior", "fitted", "--rows", "50"];
+    let again = folder.canter(&again).succeeded();
+    let numbers = |table: &str| -> Vec<f64> {
+        table.lines().skip(1).flat_map(|line| line.split(',')).map(|cell| cell.parse().unwrap()).collect()
+    };
+    let (numbers, expected) = (numbers(&again), numbers(&table));
+    assert_eq!(numbers.len(), 50 * 8);
+    assert!(numbers.iter().zip(&expected).all(|(a, b)| (a - b).abs() < 1e-4), "{again}\n{table}");
+}

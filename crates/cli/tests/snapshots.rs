@@ -27,8 +27,11 @@ fn assert_snapshot(name: &str, text: &str) {
 fn help() {
     let folder = TemporaryFolder::new();
     assert_snapshot("help.txt", &folder.canter(&["--help"]).succeeded());
-    for command in ["train", "resume", "eval", "compare", "report", "film", "view", "robots", "config"] {
+    for command in ["train", "resume", "eval", "compare", "sweep", "report", "film", "view", "robots", "config"] {
         assert_snapshot(&format!("help-{command}.txt"), &folder.canter(&[command, "--help"]).succeeded());
+    }
+    for command in ["fit", "table"] {
+        assert_snapshot(&format!("help-gait-{command}.txt"), &folder.canter(&["gait", command, "--help"]).succeeded());
     }
     // Without arguments the help is the complaint.
     assert_snapshot("help-nothing.txt", &folder.canter(&[]).failed_with(2));

@@ -47,7 +47,7 @@ fn a_report_needs_what_it_reports_on() {
         said(&["report", "a", "b"]),
         "error: several runs need a folder for their report; give one with --out DIR\n"
     );
-    let alone = "error: compare holds a comparison, which is reported alone and into its own folder; leave out other \
+    let alone = "error: compare holds a comparison or a sweep, which is reported alone and into its own folder; leave out other \
                  folders and --out\n";
     assert_eq!(said(&["report", "a", "compare", "--out", "x"]), alone);
     assert_eq!(said(&["report", "compare", "--out", "x"]), alone);
@@ -73,16 +73,20 @@ fn wrong_values() {
         ("trainig.horizon=64", "trainig = (a table) is not a known key: did you mean \"training\"?"),
         ("ppo.gamma=high", "ppo.gamma = \"high\" has the wrong type: expected a number from 0 to 1"),
         ("ppo.gamma=2", "ppo.gamma = 2 is out of range: expected a number from 0 to 1"),
+        (
+            "policy.ranges.residual_rad=-0.1",
+            "policy.ranges.residual_rad = -0.1 is out of range: expected a number from 0 to 2",
+        ),
         ("seed=1.5", "seed = 1.5 has the wrong type: expected an integer"),
         (
             "policy.modulation=modulat",
             "policy.modulation = \"modulat\" is not a known choice: expected one of \"amplitude\", \"leg-amplitude\", \
-             \"modulate\", \"direct\"; did you mean \"modulate\"?",
+             \"modulate\", \"residual\", \"direct\"; did you mean \"modulate\"?",
         ),
         (
-            "policy.prior=gallop",
-            "policy.prior = \"gallop\" is refused: doggo has no gait called `gallop`: set it to one of `stepping`, `sine`, \
-             `sine-literal`",
+            "policy.prior=canter",
+            "policy.prior = \"canter\" is refused: doggo has no gait called `canter`: set it to one of `stepping`, `sine`, \
+             `sine-literal`, `walk`, `pace`, `bound`, `pronk`, `gallop`",
         ),
         (
             "evaluation.settle_s=10",
@@ -155,7 +159,7 @@ fn wrong_usage() {
         &["eval", "run", "--robot", "doggo", "--prior", "sine"],
         "error: the argument '[RUN]' cannot be used with:\n",
     );
-    assert_wrong_usage(&["eval", "--robot", "doggo"], "error: the following required arguments were not provided:\n");
+    assert_wrong_usage(&["eval", "--prior", "sine"], "error: the following required arguments were not provided:\n");
     assert_wrong_usage(
         &["trian"],
         "error: unrecognized subcommand 'trian'\n\n  tip: a similar subcommand exists: 'train'\n",
@@ -308,9 +312,9 @@ fn policies_of_other_runs() {
 
 #[test]
 fn evaluations_that_cannot_be() {
-    let message = "--set policy.prior=\"gallop\": policy.prior = \"gallop\" is refused: doggo has no gait called `gallop`: set \
-                   it to one of `stepping`, `sine`, `sine-literal`";
-    assert_refused(&["eval", "--robot", "doggo", "--prior", "gallop"], message);
+    let message = "--set policy.prior=\"canter\": policy.prior = \"canter\" is refused: doggo has no gait called `canter`: set \
+                   it to one of `stepping`, `sine`, `sine-literal`, `walk`, `pace`, `bound`, `pronk`, `gallop`";
+    assert_refused(&["eval", "--robot", "doggo", "--prior", "canter"], message);
     for (option, value, message) in [
         ("--episodes", "0", "evaluation.num_episodes = 0 is out of range: expected an integer from 2 to 10000"),
         ("--slope", "-90", "task.slope_deg = -90.0 is out of range: expected a number from -45 to 45"),
@@ -379,4 +383,46 @@ fn gaits_need_names_that_files_can_have() {
         let message = format!("robot/robot.toml:{line}:8: gaits[2].name = {value} is refused: {reason}");
         assert_refused_in(&folder, &OWN_ROBOT, &message);
     }
+}
+
+#[test]
+fn tables_that_are_no_gait() {
+    let folder = TemporaryFolder::new();
+    let fit =
+        |table: &str| ["gait", "fit", "--table", table, "--robot", "doggo", "--frequency", "2"].map(str::to_owned);
+    let refused = |args: &[String], message: &str| {
+        assert_refused_in(&folder, &args.iter().map(String::as_str).collect::<Vec<_>>(), message);
+    };
+    let table = folder.canter(&["gait", "table", "--robot", "doggo", "--prior", "sine", "--rows", "8"]).succeeded();
+    fs::write(folder.join("good.csv"), &table).unwrap();
+    fs::write(folder.join("cut.csv"), table.lines().next().unwrap()).unwrap();
+    fs::write(folder.join("words.csv"), table.replacen("0.", "x.", 1)).unwrap();
+    fs::write(folder.join("other.csv"), table.replacen("front_left_swing", "swing", 1)).unwrap();
+    let still = format!("{}\n{}", table.lines().next().unwrap(), "0,0,0,0,0,0,0,0\n".repeat(8));
+    fs::write(folder.join("still.csv"), still).unwrap();
+    refused(
+        &fit("none.csv"),
+        "none.csv: this table cannot be used: cannot be read: No such file or directory (os error 2)",
+    );
+    refused(&fit("cut.csv"), "cut.csv: this table cannot be used: expected at least 4 lines of numbers, found 0");
+    refused(
+        &fit("other.csv"),
+        "other.csv: this table cannot be used: it has no column for the actuator `front_left_swing`",
+    );
+    refused(
+        &fit("still.csv"),
+        "still.csv: no gait can be fitted to this table: no leg moves in it: there is no gait to be found",
+    );
+    let complaint = folder.canter(&fit("words.csv").iter().map(String::as_str).collect::<Vec<_>>()).failed_with(1);
+    assert!(complaint.starts_with("error: words.csv: this table cannot be used: line 2: `"), "{complaint}");
+    let mut never = fit("good.csv");
+    never[7] = "0".to_owned();
+    refused(
+        &never,
+        "good.csv: no gait can be fitted to this table: a stride frequency of 0 Hz is not from 0.01 to 20 Hz",
+    );
+    assert_refused(
+        &["gait", "table", "--robot", "hexapod", "--prior", "trot"],
+        "hexapod has no gait called `trot`: there are tripod, ripple, wave",
+    );
 }

@@ -11,13 +11,15 @@ pub enum Modulation {
     LegAmplitude,
     /// The stride frequency, and amplitudes and offsets of each leg.
     Modulate,
+    /// The actuator targets of the prior, each by a bounded addition.
+    Residual,
     /// The motor angles themselves, without a prior: the paper's control experiment.
     Direct,
 }
 
 impl Modulation {
     /// Every modulation, in the order in which documents list them.
-    pub const ALL: [Self; 4] = [Self::Amplitude, Self::LegAmplitude, Self::Modulate, Self::Direct];
+    pub const ALL: [Self; 5] = [Self::Amplitude, Self::LegAmplitude, Self::Modulate, Self::Residual, Self::Direct];
 
     /// The modulation's name in configurations and policy files.
     pub const fn name(self) -> &'static str {
@@ -25,6 +27,7 @@ impl Modulation {
             Self::Amplitude => "amplitude",
             Self::LegAmplitude => "leg-amplitude",
             Self::Modulate => "modulate",
+            Self::Residual => "residual",
             Self::Direct => "direct",
         }
     }
@@ -38,9 +41,8 @@ impl Modulation {
     pub const fn num_actions(self, num_legs: usize) -> usize {
         match self {
             Self::Amplitude => 2,
-            Self::LegAmplitude => 2 * num_legs,
+            Self::LegAmplitude | Self::Residual | Self::Direct => 2 * num_legs,
             Self::Modulate => 1 + PARAMETERS_PER_LEG * num_legs,
-            Self::Direct => 2 * num_legs,
         }
     }
 }
@@ -114,6 +116,8 @@ pub struct ActionLaw {
     pub authority: f32,
     /// The box of parameters of [`Modulation::Modulate`].
     pub ranges: ParameterRanges,
+    /// How far [`Modulation::Residual`] may move an actuator target at full authority [rad].
+    pub residual_bound_rad: f32,
 }
 
 impl ActionLaw {
@@ -140,8 +144,29 @@ impl ActionLaw {
                 let factor = self.ranges.frequency_factor.map(1.0, component(action, 0));
                 blend(self.authority, default, factor * default)
             }
-            Modulation::Amplitude | Modulation::LegAmplitude | Modulation::Direct => default,
+            Modulation::Amplitude | Modulation::LegAmplitude | Modulation::Residual | Modulation::Direct => default,
         }
+    }
+
+    /// Actuator targets [rad] of leg number `index` under `action`, `(A)`, where the prior alone would have `targets`. They
+    /// may lie beyond the leg's limits.
+    ///
+    /// ```text
+    /// target = prior + a bound N
+    /// ```
+    ///
+    /// The sum is in the actuators' own coordinates: joint angles where each motor has an actuator, swing and extension
+    /// where tendons couple the motors. The action's components are the robot's actuators, leg by leg. [`Controller::act`]
+    /// then holds the leg to its limits of swing and extension; where it does, a joint may move further than the bound.
+    ///
+    /// [`Controller::act`]: crate::Controller::act
+    ///
+    /// Source: our definition; Johannink et al. 2019 learn additions to a controller's commands.
+    #[inline]
+    pub fn residual(&self, targets: [f32; 2], index: usize, action: &[f32]) -> [f32; 2] {
+        let reach_rad = self.authority * self.residual_bound_rad;
+        let [first, second] = targets;
+        [first + reach_rad * component(action, 2 * index), second + reach_rad * component(action, 2 * index + 1)]
     }
 
     /// Parameters of leg number `index` under `action`, `(A)`.
@@ -174,7 +199,7 @@ impl ActionLaw {
                     extension_offset: shifted(self.ranges.extension_offset, default.extension_offset, 3),
                 }
             }
-            Modulation::Direct => default,
+            Modulation::Residual | Modulation::Direct => default,
         }
     }
 }
@@ -210,7 +235,7 @@ mod tests {
     };
 
     fn law(modulation: Modulation, authority: f32) -> ActionLaw {
-        ActionLaw { modulation, authority, ranges: RANGES }
+        ActionLaw { modulation, authority, ranges: RANGES, residual_bound_rad: 0.2 }
     }
 
     #[test]
@@ -232,12 +257,13 @@ mod tests {
 
     #[test]
     fn authority_zero_returns_the_priors_bytes() {
-        for modulation in [Modulation::Amplitude, Modulation::LegAmplitude, Modulation::Modulate] {
+        for modulation in Modulation::ALL {
             let law = law(modulation, 0.0);
             let action = [0.7; 17];
             assert_eq!(law.leg_parameters(&LEG, 2, &action), LEG.defaults);
             let gait = Gait { stride_frequency_hz: 2.3, legs: &[] };
             assert_eq!(law.stride_frequency_hz(&gait, &action).to_bits(), 2.3f32.to_bits());
+            assert_eq!(law.residual([0.3, -0.7], 2, &action).map(f32::to_bits), [0.3f32, -0.7].map(f32::to_bits));
         }
     }
 
@@ -274,11 +300,22 @@ mod tests {
     }
 
     #[test]
+    fn a_residual_moves_a_target_by_its_share_of_the_bound() {
+        let law = law(Modulation::Residual, 0.5);
+        // 0.3 + 0.5 * 0.2 * 0.5 = 0.35; -0.7 + 0.5 * 0.2 * -1 = -0.8, the action being clamped.
+        let [first, second] = law.residual([0.3, -0.7], 1, &[0.9, 0.9, 0.5, -3.0]);
+        assert!((first - 0.35).abs() < 1e-6 && (second + 0.8).abs() < 1e-6);
+        // Amplitudes and frequency stay the prior's.
+        assert_eq!(law.leg_parameters(&LEG, 1, &[1.0; 4]), LEG.defaults);
+    }
+
+    #[test]
     fn names_round_trip() {
         for modulation in Modulation::ALL {
             assert_eq!(Modulation::from_name(modulation.name()), Some(modulation));
         }
         assert_eq!(Modulation::Modulate.num_actions(4), 17);
+        assert_eq!(Modulation::Residual.num_actions(4), 8);
         assert_eq!(Modulation::Direct.num_actions(4), 8);
     }
 }

@@ -122,10 +122,22 @@ impl<'a> Controller<'a> {
                 Modulation::Amplitude | Modulation::LegAmplitude | Modulation::Modulate => {
                     leg_gait.position(phase, &self.law.leg_parameters(leg_gait, i, action))
                 }
+                Modulation::Residual => {
+                    self.with_residual(leg, leg_gait.position(phase, &leg_gait.defaults), i, action)
+                }
             };
             command(leg, position, target);
         }
         clock.advance(self.law.stride_frequency_hz(&self.gait, action), control_dt_s);
+    }
+
+    /// The position that leg number `index` is asked to have where the prior alone would have it at `prior`.
+    #[inline]
+    fn with_residual(&self, leg: &Leg, prior: LegPosition, index: usize, action: &[f32]) -> LegPosition {
+        let targets = leg.targets(leg.limits.clamp(prior));
+        let moved = self.law.residual(targets, index, action);
+        // The way through joint angles and back rounds; where nothing is added the prior's bytes are kept.
+        if moved == targets { prior } else { leg.position_at(moved) }
     }
 
     /// Writes the actuator targets of the prior alone, `(M)` [rad], and moves the clock on by one control step.
@@ -167,7 +179,7 @@ fn command(leg: &Leg, position: LegPosition, target: &mut [f32]) {
 mod tests {
     use super::*;
     use crate::action::{ParameterRanges, Range};
-    use crate::kinematics::{Actuators, FiveBar, LegGeometry, LegLimits};
+    use crate::kinematics::{Actuators, FiveBar, JointConvention, LegGeometry, LegLimits};
     use crate::network::NetworkShape;
     use crate::prior::{LegGait, LegParameters, SineWave, Waveform};
 
@@ -188,6 +200,16 @@ mod tests {
         }
     }
 
+    /// A leg whose motors are commanded one by one, its limits closer than the gait goes.
+    fn jointed_leg() -> Leg {
+        let joints = [JointConvention { sign: -1.0, standing: 0.9 }, JointConvention { sign: 1.0, standing: 0.2 }];
+        Leg {
+            actuators: Actuators::Joints(joints),
+            limits: LegLimits { swing: [-0.3, 0.3], extension: [-0.2, 0.4] },
+            ..leg()
+        }
+    }
+
     fn legs_gait() -> [LegGait; 2] {
         let part = |phase_offset| LegGait {
             waveform: Waveform::Sine(SineWave { extension_phase: 0.75 }),
@@ -204,14 +226,15 @@ mod tests {
         authority: f32,
         blocks: &'a [ObservationBlock],
     ) -> Controller<'a> {
-        let law = ActionLaw { modulation, authority, ranges: RANGES };
+        let law = ActionLaw { modulation, authority, ranges: RANGES, residual_bound_rad: 0.2 };
         Controller::new(legs, Gait { stride_frequency_hz: 2.0, legs: parts }, law, blocks).unwrap()
     }
 
     #[test]
     fn authority_zero_is_the_prior_byte_for_byte_over_a_whole_walk() {
-        let (legs, parts) = ([leg(); 2], legs_gait());
-        for modulation in [Modulation::Amplitude, Modulation::LegAmplitude, Modulation::Modulate] {
+        let (legs, jointed, parts) = ([leg(); 2], [jointed_leg(); 2], legs_gait());
+        let with_prior = Modulation::ALL.into_iter().filter(|&modulation| modulation != Modulation::Direct);
+        for (modulation, legs) in with_prior.flat_map(|modulation| [(modulation, legs), (modulation, jointed)]) {
             let controller = controller(&legs, &parts, modulation, 0.0, &[]);
             let (mut with_policy, mut alone) = (PhaseClock::at(0.1), PhaseClock::at(0.1));
             for step in 0..500 {
@@ -234,6 +257,41 @@ mod tests {
         // Motors 0.2 and 0.6: swing 0.4, extension 0.2. Motors -1 and 1: extension 1, limited to 0.5.
         for (actual, expected) in targets.iter().zip([0.4, 0.2, 0.0, 0.5]) {
             assert!((actual - expected).abs() < 1e-6);
+        }
+    }
+
+    #[test]
+    fn a_residual_is_added_to_the_actuator_targets_within_the_leg_limits() {
+        let parts = legs_gait();
+        let act = |legs: &[Leg; 2], phase: f32, action: &[f32]| {
+            let controller = controller(legs, &parts, Modulation::Residual, 0.5, &[]);
+            let (mut targets, mut prior) = ([0.0; 4], [0.0; 4]);
+            controller.act(action, &mut PhaseClock::at(phase), 0.01, &mut targets);
+            controller.act_prior(&mut PhaseClock::at(phase), 0.01, &mut prior);
+            (targets, prior)
+        };
+        // Half of 0.2 rad for an action of 1. At phase 0 the first leg swings through 0, and is shortest: -0.45 rad. Its
+        // limit is -0.5 rad.
+        let (targets, prior) = act(&[leg(); 2], 0.0, &[1.0, -1.0, -0.5, 0.0]);
+        assert!((prior[0]).abs() < 1e-6 && (prior[1] + 0.45).abs() < 1e-6);
+        for (actual, expected) in targets.iter().zip([0.1, -0.5, prior[2] - 0.05, prior[3]]) {
+            assert!((actual - expected).abs() < 1e-6, "{targets:?} {prior:?}");
+        }
+        // Joint by joint, whichever way a joint turns.
+        let wide = LegLimits { swing: [-1.2, 1.2], extension: [-0.5, 0.5] };
+        let legs = [Leg { limits: wide, ..jointed_leg() }; 2];
+        let (targets, prior) = act(&legs, 0.3, &[1.0, 0.0, 0.0, -0.5]);
+        for (actual, expected) in targets.iter().zip([prior[0] + 0.1, prior[1], prior[2], prior[3] - 0.05]) {
+            assert!((actual - expected).abs() < 1e-3, "{targets:?} {prior:?}");
+        }
+        // With the narrow limits the leg stays within them, whatever is added.
+        let legs = [jointed_leg(); 2];
+        for i in 0..100 {
+            let phase = i as f32 / 100.0;
+            let (targets, _) = act(&legs, phase, &[1.0, -1.0, -1.0, 1.0]);
+            let position = legs[0].position_at([targets[0], targets[1]]);
+            assert!(position.swing.abs() < 0.3 + 1e-3, "{phase}: {position:?}");
+            assert!((-0.2 - 1e-3..0.4 + 1e-3).contains(&position.extension), "{phase}: {position:?}");
         }
     }
 

@@ -21,6 +21,8 @@ pub enum Purpose {
     Search = 5,
     /// Resampling for confidence intervals.
     Bootstrap = 6,
+    /// Random points of a sweep; "episode" is the point.
+    Sweep = 7,
 }
 
 /// The generator that belongs to these four numbers.

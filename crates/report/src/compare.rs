@@ -12,7 +12,7 @@ use crate::figures::rows::{self, EnergyRow, FallRow, SpeedRow};
 use crate::figures::{Figure, Subject};
 use crate::page::{BigNumber, Page, Part, Section, html};
 use crate::palette::{Tone, rung_order};
-use crate::read::{self, Comparison, Kind, SeedResult, Sweep, Trajectory};
+use crate::read::{self, Comparison, Condition, Kind, SeedResult, Trajectory};
 use crate::statistics::mean;
 use crate::tables::{Cell, Table, grouped};
 use crate::{Written, falls, recorded_figures, write};
@@ -42,7 +42,7 @@ pub fn report(folder: &Path) -> Result<Written, ReportError> {
     figures.extend(returns(&rungs, default));
     figures.extend(recorded_figures(&recorded));
     let all: Vec<&Subject> = subjects.iter().collect();
-    let conditions: Vec<(&String, &Sweep)> = comparison.sweeps.iter().collect();
+    let conditions: Vec<(&String, &Condition)> = comparison.sweeps.iter().collect();
     if let Some(sweep) = comparison.sweeps.get("slope_deg") {
         figures.extend(uphill(sweep, &all, &which));
     }
@@ -394,7 +394,7 @@ fn claim_table(comparison: &Comparison) -> Table {
 }
 
 /// The sweeps as numbers, for other programs; not on the page.
-fn sweep_table(sweeps: &[(&String, &Sweep)]) -> Table {
+fn sweep_table(sweeps: &[(&String, &Condition)]) -> Table {
     let mut rows = Vec::new();
     for (name, sweep) in sweeps {
         for (rung, curve) in &sweep.rungs {

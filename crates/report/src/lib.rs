@@ -19,6 +19,7 @@ mod replay;
 mod runs;
 mod statistics;
 mod svg;
+mod sweep;
 mod tables;
 mod write;
 
@@ -61,6 +62,19 @@ pub fn report_run(run_dirs: &[PathBuf], out: &Path) -> Result<Written, ReportErr
 /// A file that is missing or wrong, or a folder that cannot be written.
 pub fn report_compare(dir: &Path) -> Result<Written, ReportError> {
     compare::report(dir)
+}
+
+/// Whether a folder holds a sweep.
+pub fn is_sweep(folder: &Path) -> bool {
+    folder.join("sweep.json").is_file()
+}
+
+/// Reports on a sweep: `report.html`, `figures/` and `tables/` in its folder.
+///
+/// # Errors
+/// A file that is missing or wrong, or a folder that cannot be written.
+pub fn report_sweep(dir: &Path) -> Result<Written, ReportError> {
+    sweep::report(dir)
 }
 
 /// "no fall in 20 episodes".

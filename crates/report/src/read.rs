@@ -30,6 +30,7 @@ const MAX_LEGS: usize = 16;
 
 const TRAIN_AGAIN: &str = "it comes from `canter train`; `canter resume RUN` writes it again";
 const COMPARE_AGAIN: &str = "it comes from `canter compare`; run that again";
+const SWEEP_AGAIN: &str = "it comes from `canter sweep`; run that again";
 const TRAJECTORY_AGAIN: &str = "remove the file to leave its gait out, or record it again";
 
 /// `eval.json`.
@@ -148,7 +149,7 @@ pub struct Comparison {
     pub protocol: ComparisonProtocol,
     pub default_rung: String,
     pub rungs: BTreeMap<String, Rung>,
-    pub sweeps: BTreeMap<String, Sweep>,
+    pub sweeps: BTreeMap<String, Condition>,
     pub claims: Vec<Claim>,
     pub trajectories: BTreeMap<String, String>,
     pub uphill_trajectories: BTreeMap<String, String>,
@@ -242,7 +243,7 @@ pub struct SeedResult {
 
 /// One condition that was varied.
 #[derive(Clone, Debug, Deserialize)]
-pub struct Sweep {
+pub struct Condition {
     pub unit: String,
     pub values: Vec<f64>,
     pub rungs: BTreeMap<String, SweepCurve>,
@@ -265,6 +266,45 @@ pub struct Claim {
     pub ours: String,
     pub holds: Option<bool>,
     pub sentence: String,
+}
+
+/// `sweep.json`.
+#[derive(Clone, Debug, Deserialize)]
+pub struct Sweep {
+    pub canter: String,
+    pub preset: String,
+    pub overrides: Vec<String>,
+    pub keys: Vec<String>,
+    pub seeds: Vec<u64>,
+    pub points: Vec<SweepPoint>,
+}
+
+/// One point of a sweep over its seeds.
+#[derive(Clone, Debug, Deserialize)]
+pub struct SweepPoint {
+    pub values: Vec<String>,
+    pub robot: String,
+    pub default_gait: String,
+    pub default_speed_m_per_s: f64,
+    #[serde(deserialize_with = "count")]
+    pub default_falls: u64,
+    pub runs: Vec<SweepRun>,
+    pub speed_iqm: f64,
+    pub speed_ci: [f64; 2],
+    pub ratio_iqm: Option<f64>,
+    pub ratio_ci: Option<[f64; 2]>,
+    pub falls: [u64; 2],
+}
+
+/// One training of a sweep.
+#[derive(Clone, Debug, Deserialize)]
+pub struct SweepRun {
+    pub seed: u64,
+    pub speed_m_per_s: f64,
+    #[serde(deserialize_with = "count")]
+    pub falls: u64,
+    #[serde(deserialize_with = "count")]
+    pub num_episodes: u64,
 }
 
 /// A run directory as far as a report needs it.
@@ -395,6 +435,25 @@ pub fn comparison(folder: &Path) -> Result<(Comparison, ComparedTrajectories), R
     let trajectories =
         ComparedTrajectories { level: read(&comparison.trajectories)?, uphill: read(&comparison.uphill_trajectories)? };
     Ok((comparison, trajectories))
+}
+
+/// Reads `sweep.json` in a sweep's folder.
+pub fn sweep(folder: &Path) -> Result<Sweep, ReportError> {
+    let path = folder.join("sweep.json");
+    let sweep: Sweep = versioned(&path, SWEEP_AGAIN)?;
+    let complain = |what: &str| Err(wrong(&path, what.to_owned(), SWEEP_AGAIN));
+    if sweep.points.is_empty() || sweep.keys.is_empty() {
+        return complain("it has no points or no keys");
+    }
+    for point in &sweep.points {
+        if point.values.len() != sweep.keys.len() {
+            return complain("a point has not one value for each key");
+        }
+        if point.runs.is_empty() || point.falls[0] > point.falls[1] || point.falls[1] > LARGEST_COUNT {
+            return complain("a point has no runs, or more falls than episodes");
+        }
+    }
+    Ok(sweep)
 }
 
 fn metrics(path: &Path) -> Result<Vec<Metrics>, ReportError> {

@@ -46,7 +46,7 @@ pub struct Table {
 }
 
 /// Every name that a table may have.
-pub const NAMES: [&str; 5] = ["gaits", "seeds", "claims", "sweeps", "learning"];
+pub const NAMES: [&str; 6] = ["points", "gaits", "seeds", "claims", "sweeps", "learning"];
 
 impl Table {
     /// For a page, in a box of its own that scrolls.

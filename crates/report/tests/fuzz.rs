@@ -7,8 +7,8 @@ mod fuzz;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use canter_report::{ReportError, report_compare, report_run};
-use common::{RUNGS, SampleGait, TemporaryFolder, comparison, trajectory, write_run};
+use canter_report::{ReportError, Written, report_compare, report_run, report_sweep};
+use common::{RUNGS, SampleGait, TemporaryFolder, comparison, sweep, trajectory, write_run};
 use fuzz::{JSON, Random, fuzz_bytes};
 use serde_json::Value;
 
@@ -150,20 +150,31 @@ fn trajectories() {
 fn comparisons() {
     let folder = fast_folder("compare");
     small_comparison(&folder);
-    // A comparison's report lies in its own folder: where that has a file `figures`, it cannot.
+    fuzz_alone(&folder, "compare.json", report_compare);
+}
+
+#[test]
+fn sweeps() {
+    let folder = fast_folder("sweep");
+    fs::write(folder.join("sweep.json"), sweep("policy.authority", ["0", "0.5", "1"]).to_string()).unwrap();
+    fuzz_alone(&folder, "sweep.json", report_sweep);
+}
+
+/// Reports on damaged versions of what is reported in its own folder: where that has a file `figures`, it cannot be.
+fn fuzz_alone(folder: &Path, file: &str, report: fn(&Path) -> Result<Written, ReportError>) {
     let figures = folder.join("figures");
-    let path = folder.join("compare.json");
+    let path = folder.join(file);
     let valid = [fs::read(&path).unwrap()];
-    fuzz_bytes("compare.json", &valid, &JSON, |bytes, random| {
+    fuzz_bytes(file, &valid, &JSON, |bytes, random| {
         fs::write(&path, bytes).unwrap();
         if random.once_in(50) {
-            report_compare(&folder).map_err(|error| error.to_string())?;
-            assert_drawn(&folder);
+            report(folder).map_err(|error| error.to_string())?;
+            assert_drawn(folder);
             fs::remove_dir_all(&figures).unwrap();
             return Ok(());
         }
         fs::write(&figures, "").unwrap();
-        let result = report_compare(&folder);
+        let result = report(folder);
         fs::remove_file(&figures).unwrap();
         match result {
             Err(ReportError::Io { path, .. }) if path == figures => Ok(()),

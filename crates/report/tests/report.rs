@@ -6,8 +6,8 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
 
-use canter_report::{ReportError, report_compare, report_run};
-use common::{TemporaryFolder, comparison, write_comparison, write_json, write_run};
+use canter_report::{ReportError, report_compare, report_run, report_sweep};
+use common::{TemporaryFolder, comparison, sweep, write_comparison, write_json, write_run};
 use serde_json::{Value, json};
 
 const RECORDED: [&str; 6] = ["film-strip", "footfall", "foot-paths", "speed-per-step", "torque", "leg-space"];
@@ -403,4 +403,38 @@ fn recordings_of_odd_gaits_can_be_drawn() {
     }
     report_compare(&path).unwrap();
     assert_no_nan(&path);
+}
+
+#[test]
+fn a_sweep_over_numbers_is_a_dial_and_over_words_a_ladder() {
+    let temporary = TemporaryFolder::new();
+    let folder = temporary.join("sweep");
+    fs::create_dir(&folder).unwrap();
+    write_json(&folder.join("sweep.json"), &sweep("policy.authority", ["0", "0.5", "1"]));
+    report_sweep(&folder).unwrap();
+    let page = fs::read_to_string(folder.join("report.html")).unwrap();
+    assert_figures(&folder, &page, &["dial"]);
+    // Of three points with 1, 2 and 3 times the default's 0.5 m/s.
+    assert!(
+        page.contains(
+            "The most is won with 1: 1.50 m/s, 3.00 times its default gait trot, with 2 falls in 40 episodes."
+        )
+    );
+    let rows = csv(&folder.join("tables/points.csv"));
+    let column = |name: &str| rows.iter().map(|row| row[name].clone()).collect::<Vec<_>>();
+    assert_eq!(column("point"), ["0", "0.5", "1"]);
+    assert_eq!(column("speed_m_per_s_low"), ["0.4", "0.9", "1.4"]);
+    assert_eq!(column("falls"), ["0", "1", "2"]);
+
+    write_json(&folder.join("sweep.json"), &sweep("preset", ["<b>dog</b>", "q8bot", "hexapod"]));
+    report_sweep(&folder).unwrap();
+    let page = fs::read_to_string(folder.join("report.html")).unwrap();
+    assert_figures(&folder, &page, &["ladder"]);
+    assert!(page.contains("&lt;b&gt;dog&lt;/b&gt;") && !page.contains("<b>dog"));
+
+    let mut broken = sweep("preset", ["a", "b", "c"]);
+    broken["points"][1]["values"] = json!([]);
+    write_json(&folder.join("sweep.json"), &broken);
+    let message = report_sweep(&folder).unwrap_err().to_string();
+    assert!(message.contains("a point has not one value for each key"), "{message}");
 }

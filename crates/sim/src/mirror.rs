@@ -36,7 +36,7 @@ impl MirrorMaps {
         check_gait(legs, &partners)?;
         let action = match modulation {
             Modulation::Amplitude => unchanged(2),
-            Modulation::LegAmplitude | Modulation::Direct => of_legs(&partners, 2),
+            Modulation::LegAmplitude | Modulation::Residual | Modulation::Direct => of_legs(&partners, 2),
             Modulation::Modulate => {
                 // The frequency, then as many parameters for each leg.
                 let width = (modulation.num_actions(partners.len()) - 1) / partners.len();

@@ -6,7 +6,7 @@ use canter_gait::action::MAX_AMPLITUDE_RAD;
 use canter_gait::mirror::Mirror;
 use canter_gait::observation::observation_len;
 use canter_gait::prior::LegGait;
-use canter_gait::{ActionLaw, Controller, Gait, Modulation, ObservationBlock, ParameterRanges, Range};
+use canter_gait::{ActionLaw, Controller, Gait, Leg, Modulation, ObservationBlock, ParameterRanges, Range};
 
 use crate::ground::{Ground, GroundSettings};
 use crate::mirror::MirrorMaps;
@@ -90,7 +90,7 @@ settings! {
         /// back: the policy has no favourite side. The robot's sides must be equal, the gait in the mirror itself half a
         /// cycle later (as trot, walk and pace are), and the phase be observed.
         pub symmetric: bool,
-        /// Box of the gait parameters that `modulate` may use.
+        /// Box of the gait parameters that `modulate` may use, and the bound of `residual`.
         pub ranges: RangeSettings,
     }
 }
@@ -102,12 +102,14 @@ settings! {
         pub frequency_factor: Vec<f64> in 0.1..=10.0,
         /// Swing amplitude [rad].
         pub swing_amplitude_rad: Vec<f64> in -2.0..=2.0,
-        /// Extension amplitude [rad].
-        pub extension_amplitude_rad: Vec<f64> in -2.0..=2.0,
+        /// Extension amplitude [rad]; absent: from 0 to what lengthens the robot's legs by three fifths of its stance height.
+        pub extension_amplitude_rad: Option<Vec<f64>> in -2.0..=2.0,
         /// Change of the angle about which a leg swings [rad].
         pub swing_offset_rad: Vec<f64> in -2.0..=2.0,
-        /// Change of the extension about which a leg moves [rad].
-        pub extension_offset_rad: Vec<f64> in -2.0..=2.0,
+        /// Change of the extension about which a leg moves [rad]; absent: up to half that amplitude, both ways.
+        pub extension_offset_rad: Option<Vec<f64>> in -2.0..=2.0,
+        /// How far `residual` may move an actuator target, either way, at full authority [rad]; absent: 0.2.
+        pub residual_rad: Option<f64> in 0.0..=2.0,
     }
 }
 
@@ -120,6 +122,8 @@ choices! {
         LegAmplitude = "leg-amplitude",
         /// The stride frequency, and amplitudes and offsets of each leg.
         Modulate = "modulate",
+        /// The actuator targets, each by an addition of at most `ranges.residual_rad`.
+        Residual = "residual",
         /// The motor angles, without a prior: the paper's control experiment.
         Direct = "direct",
     }
@@ -150,6 +154,7 @@ impl ModulationChoice {
             Self::Amplitude => Modulation::Amplitude,
             Self::LegAmplitude => Modulation::LegAmplitude,
             Self::Modulate => Modulation::Modulate,
+            Self::Residual => Modulation::Residual,
             Self::Direct => Modulation::Direct,
         }
     }
@@ -247,7 +252,7 @@ impl Task {
         }
         // Only `modulate` uses the box, so only then must the prior lie in it.
         let boxed = if policy.modulation == ModulationChoice::Modulate { legs } else { &[] };
-        let ranges = parameter_ranges(&policy.ranges, boxed, &mut problems);
+        let ranges = parameter_ranges(&policy.ranges, boxed, reach_rad(&robot), &mut problems);
         let variation = Variation::new(settings, &mut problems);
         if let (Some(gait), Some(ranges)) = (gait, &ranges) {
             let fastest_hz = f64::from(gait.stride_frequency_hz * ranges.frequency_factor.high.max(1.0));
@@ -257,6 +262,11 @@ impl Task {
             }
         }
         let modulation = policy.modulation.modulation();
+        // Others have none, so that its value is no part of their action law.
+        let residual_bound_rad = match modulation {
+            Modulation::Residual => policy.ranges.residual_rad.unwrap_or(RESIDUAL_RAD) as f32,
+            _ => 0.0,
+        };
         let blocks: Vec<ObservationBlock> = policy.observation.iter().map(|block| block.block()).collect();
         let mut mirror = None;
         if let (true, Some(gait)) = (policy.symmetric, gait) {
@@ -301,7 +311,7 @@ impl Task {
             max_env_steps: (settings.episode_s / settings.control_dt_s).round().max(1.0) as u32,
             stride_frequency_hz: gait.stride_frequency_hz,
             legs: gait.legs.clone(),
-            law: ActionLaw { modulation, authority: policy.authority as f32, ranges },
+            law: ActionLaw { modulation, authority: policy.authority as f32, ranges, residual_bound_rad },
             blocks,
             mirror,
             robot,
@@ -403,13 +413,44 @@ pub fn num_substeps(control_dt_s: f64, physics_dt_s: f64) -> Option<u32> {
     is_whole.then_some(steps as u32)
 }
 
+/// The bound of `residual` where the settings have none [rad]: half the swing of Doggo's trot, a fifth of a leg's length at
+/// the foot.
+const RESIDUAL_RAD: f64 = 0.2;
+
 /// The larger of a leg's two amplitudes [rad].
 fn largest_amplitude(leg: &LegGait) -> f32 {
     leg.defaults.swing_amplitude.max(leg.defaults.extension_amplitude)
 }
 
-/// The box of parameters; every leg's defaults must lie in it, so that an untrained policy can be the prior.
-fn parameter_ranges(settings: &RangeSettings, legs: &[LegGait], problems: &mut Problems) -> Option<ParameterRanges> {
+/// The extension that lengthens a robot's legs by [`REACH`] stance heights [rad], to a hundredth: the same freedom in
+/// metres of foot for every kind of leg. A straight leg of two links takes half the angle of Doggo's.
+///
+/// ```text
+/// reach = REACH h / (dL / d extension), at standing, of the leg that lengthens fastest
+/// ```
+///
+/// Source: our definition.
+fn reach_rad(robot: &Robot) -> f64 {
+    /// Where the slope of a leg's length is taken, either side of standing [rad].
+    const STEP_RAD: f32 = 0.01;
+    /// What one radian of Doggo's extension is, the range on which the hyperparameters were chosen [stance heights].
+    const REACH: f64 = 0.61;
+    let lengthening = |leg: &Leg| {
+        let change = leg.geometry.length(STEP_RAD) - leg.geometry.length(-STEP_RAD);
+        f64::from(change.abs() / (2.0 * STEP_RAD)) / robot.settings.stance_height_m
+    };
+    let fastest = robot.legs.iter().map(lengthening).fold(f64::MIN_POSITIVE, f64::max);
+    (REACH / fastest * 100.0).round() / 100.0
+}
+
+/// The box of parameters; every leg's defaults must lie in it, so that an untrained policy can be the prior. `reach_rad`
+/// is the range of extensions where the settings leave it to the robot.
+fn parameter_ranges(
+    settings: &RangeSettings,
+    legs: &[LegGait],
+    reach_rad: f64,
+    problems: &mut Problems,
+) -> Option<ParameterRanges> {
     let mut range = |key: &str, values: &[f64], defaults: &[f32]| {
         let path = format!("policy.ranges.{key}");
         let [low, high] = interval(&path, values, problems)?;
@@ -424,13 +465,17 @@ fn parameter_ranges(settings: &RangeSettings, legs: &[LegGait], problems: &mut P
     let frequency_factor = range("frequency_factor", &settings.frequency_factor, &[1.0]);
     let swing_amplitude =
         range("swing_amplitude_rad", &settings.swing_amplitude_rad, &of_legs(|leg| leg.defaults.swing_amplitude));
+    let extension_amplitudes = of_legs(|leg| leg.defaults.extension_amplitude);
+    let largest = extension_amplitudes.iter().map(|&amplitude| f64::from(amplitude)).fold(reach_rad, f64::max);
     let extension_amplitude = range(
         "extension_amplitude_rad",
-        &settings.extension_amplitude_rad,
-        &of_legs(|leg| leg.defaults.extension_amplitude),
+        settings.extension_amplitude_rad.as_deref().unwrap_or(&[0.0, largest]),
+        &extension_amplitudes,
     );
     let swing_offset = range("swing_offset_rad", &settings.swing_offset_rad, &[0.0]);
-    let extension_offset = range("extension_offset_rad", &settings.extension_offset_rad, &[0.0]);
+    let both_ways = [-reach_rad / 2.0, reach_rad / 2.0];
+    let extension_offset =
+        range("extension_offset_rad", settings.extension_offset_rad.as_deref().unwrap_or(&both_ways), &[0.0]);
     Some(ParameterRanges {
         frequency_factor: frequency_factor?,
         swing_amplitude: swing_amplitude?,

@@ -6,9 +6,6 @@ use canter_sim::task::ModulationChoice;
 use canter_sim::variation::{Variant, VariationSettings};
 use canter_sim::{Accident, Env};
 
-const MODULATIONS: [ModulationChoice; 4] =
-    [ModulationChoice::Amplitude, ModulationChoice::LegAmplitude, ModulationChoice::Modulate, ModulationChoice::Direct];
-
 fn env(modulation: ModulationChoice, change: impl Fn(&mut canter_sim::TaskSettings)) -> (Env, Vec<f32>) {
     let mut settings = common::task_settings();
     change(&mut settings);
@@ -19,7 +16,7 @@ fn env(modulation: ModulationChoice, change: impl Fn(&mut canter_sim::TaskSettin
 
 #[test]
 fn every_modulation_gives_finite_changing_observations_and_the_same_numbers_twice() {
-    for modulation in MODULATIONS {
+    for modulation in ModulationChoice::ALL.iter().copied() {
         let run = || {
             let (mut env, mut observation) = env(modulation, |_| {});
             let mut uniform = common::uniform(7);

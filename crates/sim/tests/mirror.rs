@@ -32,12 +32,7 @@ fn walk(
 /// The physics itself is the judge: the mirrored robot under the mirrored commands sees the mirrored world.
 #[test]
 fn a_mirrored_robot_under_mirrored_actions_sees_mirrored_observations() {
-    for modulation in [
-        ModulationChoice::Amplitude,
-        ModulationChoice::LegAmplitude,
-        ModulationChoice::Modulate,
-        ModulationChoice::Direct,
-    ] {
+    for modulation in ModulationChoice::ALL.iter().copied() {
         let mut settings = common::task_settings();
         settings.start_noise_rad = 0.0;
         settings.slope_deg = 5.0;

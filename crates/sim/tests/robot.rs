@@ -120,3 +120,22 @@ fn distances_count_from_the_start() {
     env.reset(&mut common::uniform(1), &mut vec![0.0; task.num_observations()]);
     assert_eq!(env.position_in_ground()[..2], [0.0, 0.0]);
 }
+
+#[test]
+fn extensions_left_to_the_robot_are_as_much_length_of_leg_for_each() {
+    let ranges_of = |robot: &str, prior: &str| {
+        let mut policy = common::policy_settings(prior, ModulationChoice::Modulate);
+        (policy.ranges.extension_amplitude_rad, policy.ranges.extension_offset_rad) = (None, None);
+        let task = common::task(Robot::load(robot).unwrap(), &common::task_settings(), &policy);
+        let ranges = task.controller().law().ranges;
+        (ranges.extension_amplitude, ranges.extension_offset)
+    };
+    // Doggo's are those with which the published results were learned, to the bit.
+    let (amplitude, offset) = ranges_of("doggo", "sine");
+    assert_eq!((amplitude.low, amplitude.high), (0.0, 1.0));
+    assert_eq!((offset.low, offset.high), (-0.5, 0.5));
+    // Two links of 0.2 m that stand at 0.27 m: L = 0.4 sin(e), dL/de = 0.4 cos(asin(0.675)) = 0.2951 m per radian,
+    // so 0.61 * 0.27 m / 0.2951 m = 0.558.
+    let (amplitude, offset) = ranges_of("quad12", "trot");
+    assert_eq!((amplitude.high, offset.low, offset.high), (0.56, -0.28, 0.28));
+}

@@ -71,7 +71,7 @@ fn a_recorded_trot_walks_as_fast_as_the_original() {
 fn what_is_wrong_with_a_recording_is_named() {
     let refused = |name: &str, change: fn(String) -> String, words: &str| {
         let message = recorded(name, change).unwrap_err();
-        assert!(message.contains("gaits[3].table") && message.contains(words), "{message}");
+        assert!(message.contains("].table = \"recorded.csv\"") && message.contains(words), "{message}");
     };
     refused("no_column", |text| text.replacen("back_left_swing", "back_left_swung", 1), "no column for the actuator");
     refused("cut", |text| text.lines().next().unwrap().to_owned(), "expected at least 4 lines of numbers, found 0");

@@ -386,6 +386,22 @@ pub struct ProtocolCard {
     pub friction: Option<f64>,
 }
 
+impl ProtocolCard {
+    /// What decides the numbers of an evaluation of a task.
+    pub fn new(task: &Task, settings: &EvaluationSettings) -> Self {
+        Self {
+            robot: task.robot.settings.name.clone(),
+            num_episodes: settings.num_episodes,
+            episode_s: settings.episode_s,
+            settle_s: settings.settle_s,
+            physics_dt_s: settings.physics_dt_s,
+            seed: settings.seed,
+            slope_deg: task.settings.slope_deg,
+            friction: task.settings.friction,
+        }
+    }
+}
+
 /// Measures a policy, its prior and the robot's default gaits from the same starts; without a policy, the prior alone.
 pub fn judge(
     task: &Task,
@@ -415,16 +431,7 @@ pub fn judge(
     let default_displaced = default_gaits.values().map(|gait| gait.displacement_speed_m_per_s).fold(0.0, f64::max);
     let against_prior = policy.as_ref().and_then(|policy| speed_ratio(policy, &prior));
     Verdict {
-        protocol: ProtocolCard {
-            robot: task.robot.settings.name.clone(),
-            num_episodes: settings.num_episodes,
-            episode_s: settings.episode_s,
-            settle_s: settings.settle_s,
-            physics_dt_s: settings.physics_dt_s,
-            seed: settings.seed,
-            slope_deg: task.settings.slope_deg,
-            friction: task.settings.friction,
-        },
+        protocol: ProtocolCard::new(task, settings),
         prior_name: prior_name.to_owned(),
         default_speed_m_per_s: default_report.speed_m_per_s,
         default_gait,

@@ -5,18 +5,19 @@
 //! [`run_directory`]'s files, among them [`checkpoint`]s, the [`policy_file`], [`tensorboard`]'s curves and, should the
 //! physics make no sense, what a [`blow_up`] left; [`evaluate`]
 //! measures what was learned, its [`footfall`]s among it, [`trajectory`] records it step by step, and [`film`] shows it. [`search`] tunes a
-//! gait without learning, [`compare`] sets all that side by side.
+//! gait without learning, [`gait_fit`] finds the parameters of one that was recorded, [`compare`] sets all that side by side.
 
 pub mod blow_up;
 pub mod checkpoint;
 pub mod compare;
-
 pub mod config;
 pub mod environment;
 pub mod evaluate;
 pub mod executor;
 pub mod film;
 pub mod footfall;
+pub mod gait_fit;
+pub mod jobs;
 mod json;
 pub mod policy_file;
 pub mod robustness;
@@ -24,6 +25,7 @@ pub mod run;
 pub mod run_directory;
 pub mod search;
 pub mod statistics;
+pub mod sweep;
 pub mod tensorboard;
 pub mod tensors;
 pub mod trainer;

@@ -1,7 +1,7 @@
 //! `policy.safetensors`: everything that the robot's code needs to run a learned gait, with vectors that prove it.
 
 use canter_gait::mirror::Component;
-use canter_gait::{Actuators, LegGeometry, Network, NetworkShape, Normaliser, Policy, Waveform};
+use canter_gait::{Actuators, LegGeometry, Modulation, Network, NetworkShape, Normaliser, Policy, Waveform};
 use canter_sim::mirror::MirrorMaps;
 use canter_sim::{NamedGait, Task};
 use serde::{Deserialize, Serialize};
@@ -109,6 +109,9 @@ pub struct ActionCard {
     pub authority: f32,
     /// Ranges of frequency factor, swing amplitude, extension amplitude, swing offset, extension offset.
     pub ranges: [[f32; 2]; 5],
+    /// How far `residual` may move an actuator target at full authority [rad]; absent for other modulations.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub residual_bound_rad: Option<f32>,
 }
 
 /// What becomes of observation and action in the mirror.
@@ -442,6 +445,7 @@ impl PolicyCard {
                     ranges.extension_offset,
                 ]
                 .map(|range| [range.low, range.high]),
+                residual_bound_rad: (law.modulation == Modulation::Residual).then_some(law.residual_bound_rad),
             },
             observation: task.blocks().iter().map(|block| block.name().to_owned()).collect(),
             mirror: task.mirror_maps().map(MirrorCard::new),

@@ -7,7 +7,8 @@ use std::path::Path;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 use canter_train::compare::protocol::{CompareSettings, EvaluationCard, Quantity, Rung, SearchCard, Sweep};
-use canter_train::compare::{CompareError, CompareFolder, compare};
+use canter_train::compare::{CompareFolder, compare};
+use canter_train::jobs::JobsError;
 use canter_train::search::tuned::{Objective, Search, SearchSettings};
 use common::TemporaryFolder;
 use serde_json::Value;
@@ -42,7 +43,7 @@ fn tiny() -> CompareSettings {
 fn run_in(path: &Path, settings: &CompareSettings, num_threads: usize, stop_after: Option<u64>) -> bool {
     let folder = CompareFolder::open(Some(path), settings).unwrap();
     let (stop, reports) = (AtomicBool::new(false), AtomicU64::new(0));
-    let observe = |progress: canter_train::compare::progress::CompareProgress| {
+    let observe = |progress: canter_train::jobs::progress::JobsProgress| {
         assert!(progress.env_steps <= progress.num_env_steps && progress.jobs <= progress.num_jobs);
         if stop_after == Some(reports.fetch_add(1, Ordering::Relaxed)) {
             stop.store(true, Ordering::Relaxed);
@@ -183,7 +184,7 @@ fn other_settings_and_other_folders_are_refused() {
     let message = refusal(&other_budget);
     assert!(
         message.ends_with(
-            "this folder holds a comparison with other settings (`budget_env_steps` is 400 there, 500 here); choose \
+            "this folder holds results of other settings (`budget_env_steps` is 400 there, 500 here); choose \
              another with --out"
         ),
         "{message}"
@@ -195,7 +196,7 @@ fn other_settings_and_other_folders_are_refused() {
     drop(held);
     fs::write(folder.join("file"), "").unwrap();
     let error = CompareFolder::open(Some(folder.path()), &settings).unwrap_err();
-    assert!(matches!(error, CompareError::NotEmpty(_)), "{error}");
+    assert!(matches!(error, JobsError::NotEmpty(_)), "{error}");
 }
 
 #[test]

@@ -77,6 +77,24 @@ fn a_policy_reads_back_equal_and_acts_the_same() {
     assert!(with_metadata(&bytes, |_| {}) == bytes);
 }
 
+#[test]
+fn only_a_residual_policy_has_a_bound_and_it_is_held_to_it() {
+    let residual = [("policy.modulation", "residual"), ("policy.ranges.residual_rad", "0.125")];
+    let policy = PolicyFile::of(&common::trained(&residual, 1));
+    let back = PolicyFile::from_bytes(&policy.to_bytes()).unwrap();
+    assert_eq!((&back, back.card.action.residual_bound_rad), (&policy, Some(0.125)));
+    back.check(&common::tiny(&residual).task).unwrap();
+    let other = [residual[0], ("policy.ranges.residual_rad", "0.25")];
+    let message = back.check(&common::tiny(&other).task).unwrap_err().to_string();
+    assert!(message.starts_with("it was trained for the action law"), "{message}");
+    // The others' files are as they were before there was a residual.
+    let bytes = policy_bytes();
+    let metadata: Value = serde_json::from_str(TensorFile::from_bytes(&bytes).unwrap().metadata()).unwrap();
+    assert!(metadata["action"].is_object() && metadata["action"].get("residual_bound_rad").is_none());
+    let changed = [("policy.ranges.residual_rad", "0.25")];
+    PolicyFile::from_bytes(&bytes).unwrap().check(&common::tiny(&changed).task).unwrap();
+}
+
 /// A file cut anywhere is an error; one with a changed byte is an error or, where the byte means nothing, equal.
 fn assert_robust<T: PartialEq + std::fmt::Debug, E: std::error::Error>(
     bytes: &[u8],

@@ -12,7 +12,7 @@ use crate::comparison::describe;
 use crate::error::{CliError, STOPPED};
 use crate::interrupt::{Interrupt, STOPPING_TRAINING};
 use crate::output::{event, program, say, set_log_format};
-use crate::progress::CompareLine;
+use crate::progress::JobsLine;
 
 /// Budget and seeds of the full comparison.
 const FULL: (u64, u64) = (1_000_000, 5);
@@ -34,7 +34,7 @@ pub fn compare(args: &CompareArgs) -> Result<ExitCode, CliError> {
         settings.seeds.len()
     ));
     let interrupt = Interrupt::listen(STOPPING_TRAINING)?;
-    let line = CompareLine::new();
+    let line = JobsLine::new();
     let outcome = compare::compare(&folder, num_threads, &interrupt.stop, &|progress| line.show(progress));
     line.finish();
     let outcome = outcome?;

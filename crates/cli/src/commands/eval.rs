@@ -1,20 +1,26 @@
 //! `canter eval`.
 
+use std::collections::BTreeMap;
 use std::process::ExitCode;
 
 use canter_sim::settings::Document;
+use canter_sim::{NamedGait, Robot};
 use canter_train::config::{DEFAULT_PRESET, Resolved, open_preset, resolve};
-use canter_train::evaluate::judge;
+use canter_train::evaluate::{GaitReport, Mover, ProtocolCard, evaluate, judge};
 use canter_train::policy_file::PolicyFile;
+use serde_json::json;
 
 use crate::args::EvalArgs;
 use crate::commands::{learned, workers};
 use crate::error::CliError;
 use crate::output::say;
-use crate::verdict::describe;
+use crate::verdict::{describe, gait_table};
 
 /// `canter eval`.
 pub fn eval(args: &EvalArgs) -> Result<ExitCode, CliError> {
+    if let (Some(robot), None) = (&args.robot, &args.prior) {
+        return every_gait(robot, args);
+    }
     let (resolved, policy) = subject(args)?;
     let workers = workers(args.threads)?;
     let policy = policy.as_ref().map(PolicyFile::policy);
@@ -25,6 +31,35 @@ pub fn eval(args: &EvalArgs) -> Result<ExitCode, CliError> {
         say(&format!("{json:#}"));
     } else {
         say(&describe(&verdict));
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Measures every gait of a robot.
+fn every_gait(robot: &str, args: &EvalArgs) -> Result<ExitCode, CliError> {
+    let first = Robot::load(robot)?.gaits.first().map(|gait| gait.name.clone());
+    let (resolved, _) = subject(&EvalArgs { prior: first, ..args.clone() })?;
+    let workers = workers(args.threads)?;
+    let settings = &resolved.config.evaluation;
+    let gaits = &resolved.task.robot.gaits;
+    let measure = |gait: &NamedGait| {
+        let task = resolved.task.with_gait(&gait.name).expect("a gait of the robot");
+        evaluate(&task, Mover::Prior, settings, &workers)
+    };
+    let measured: Vec<(&NamedGait, GaitReport)> = gaits.iter().map(|gait| (gait, measure(gait))).collect();
+    let protocol = ProtocolCard::new(&resolved.task, settings);
+    if args.json {
+        let gaits: BTreeMap<&str, &GaitReport> =
+            measured.iter().map(|(gait, report)| (gait.name.as_str(), report)).collect();
+        say(&format!("{:#}", json!({ "protocol": protocol, "gaits": gaits })));
+    } else {
+        let name = |gait: &NamedGait| {
+            let roles = [(gait.is_default, "default"), (gait.is_stable, "stable")];
+            let roles: Vec<&str> = roles.into_iter().filter_map(|(has, role)| has.then_some(role)).collect();
+            if roles.is_empty() { gait.name.clone() } else { format!("{} ({})", gait.name, roles.join(", ")) }
+        };
+        let rows: Vec<(String, &GaitReport)> = measured.iter().map(|(gait, report)| (name(gait), report)).collect();
+        say(&gait_table(&rows, &protocol));
     }
     Ok(ExitCode::SUCCESS)
 }

@@ -5,10 +5,12 @@ pub mod compile_model;
 pub mod config;
 pub mod eval;
 pub mod film;
+pub mod gait;
 pub mod replay;
 pub mod report;
 pub mod robots;
 pub mod robustness;
+pub mod sweep;
 pub mod train;
 pub mod view;
 

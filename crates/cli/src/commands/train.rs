@@ -37,6 +37,9 @@ pub fn train(args: &TrainArgs) -> Result<ExitCode, CliError> {
     if let Some(seed) = args.seed {
         document.set("seed", &seed.to_string());
     }
+    if let Some(authority) = args.authority {
+        document.set("policy.authority", &authority.to_string());
+    }
     if let Some(steps) = args.steps {
         document.set("training.max_env_steps", &steps.to_string());
     }

@@ -2,7 +2,7 @@
 
 use crate::chart::{Axis, Chart, PANEL, Panel, quantity};
 use crate::figures::{Figure, Group, Subject, rows};
-use crate::read::{Rung, Sweep};
+use crate::read::{Condition, Rung};
 use crate::statistics::{interpolate, interquartile_mean, interquartile_mean_interval};
 
 /// Points of a curve over seeds.
@@ -72,7 +72,7 @@ fn sweep_panel(
     title: &str,
     axis: (&str, f64),
     y_label: &str,
-    sweep: &Sweep,
+    sweep: &Condition,
     subjects: &[&Subject],
     value: impl Fn(&Subject, usize) -> [f64; 3],
     range: Option<(f64, f64)>,
@@ -124,7 +124,7 @@ const SWEEPS: [(&str, &str, &str, &str, f64); 5] = [
 ];
 
 /// Speed and falls over each varied condition.
-pub fn sweeps(sweeps: &[(&String, &Sweep)], subjects: &[&Subject], num_episodes: &str) -> Vec<Figure> {
+pub fn sweeps(sweeps: &[(&String, &Condition)], subjects: &[&Subject], num_episodes: &str) -> Vec<Figure> {
     let mut figures: Vec<Figure> = SWEEPS
         .iter()
         .filter_map(|&(key, name, title, axis, factor)| {
@@ -156,7 +156,7 @@ fn sweep_figure(
     name: &'static str,
     title: &str,
     axis: (&str, f64),
-    sweep: &Sweep,
+    sweep: &Condition,
     subjects: &[&Subject],
     num_episodes: &str,
 ) -> Figure {
@@ -174,7 +174,7 @@ fn sweep_figure(
 }
 
 /// Flat and 20 degrees uphill; none if the sweep lacks one of the two.
-pub fn uphill(sweep: &Sweep, subjects: &[&Subject], num_episodes: &str) -> Option<Figure> {
+pub fn uphill(sweep: &Condition, subjects: &[&Subject], num_episodes: &str) -> Option<Figure> {
     let place = |slope: f64| sweep.values.iter().position(|value| (value - slope).abs() < 1e-9);
     let (flat, steep) = (place(0.0)?, place(UPHILL_DEG)?);
     let drawn: Vec<&&Subject> = subjects.iter().filter(|subject| sweep.rungs.contains_key(&subject.key)).collect();

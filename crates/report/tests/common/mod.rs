@@ -332,3 +332,23 @@ pub fn write_comparison(path: &Path, comparison: &Value) {
 pub fn write_json(path: &Path, value: &Value) {
     fs::write(path, value.to_string()).unwrap();
 }
+
+/// `sweep.json` with three points of two runs: 1, 2 and 3 times the default's speed, and 0, 1 and 2 falls.
+pub fn sweep(key: &str, values: [&str; 3]) -> Value {
+    let point = |(i, value): (usize, &str)| {
+        let speed = 0.5 * (i + 1) as f64;
+        let run = |seed: u64| {
+            let speed = speed + 0.1 * (seed as f64 - 1.5);
+            json!({ "seed": seed, "speed_m_per_s": speed, "speed_ratio": speed / 0.5, "prior_speed_ratio": speed / 0.5,
+                    "falls": u64::from(seed == 1) * i as u64, "num_episodes": 20 })
+        };
+        json!({
+            "values": [value], "robot": "doggo", "default_gait": "trot", "default_speed_m_per_s": 0.5,
+            "default_falls": 0, "runs": [run(1), run(2)], "speed_iqm": speed, "speed_ci": [speed - 0.1, speed + 0.1],
+            "ratio_iqm": speed / 0.5, "ratio_ci": [speed / 0.5 - 0.2, speed / 0.5 + 0.2], "falls": [i, 40],
+        })
+    };
+    let points: Vec<Value> = values.into_iter().enumerate().map(point).collect();
+    json!({ "version": 1, "canter": "0.1.0", "preset": "doggo", "overrides": [], "keys": [key], "seeds": [1, 2],
+            "points": points })
+}

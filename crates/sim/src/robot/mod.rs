@@ -231,6 +231,28 @@ impl Robot {
         self.gaits.iter().find(|gait| gait.name == name)
     }
 
+    /// A gait of sines or of the firmware's trajectory on this robot's legs; none if a leg cannot reach every point of it,
+    /// the footfall does not fit so many legs, or it is a table, which needs its file.
+    pub fn shaped_gait(&self, settings: &GaitSettings) -> Option<NamedGait> {
+        let offsets = settings.phase_offsets(self.legs.len()).ok()?;
+        let part = |(leg, phase_offset): (&Leg, f32)| {
+            let (waveform, defaults) = settings.waveform(leg.geometry)?;
+            Some(LegGait { waveform, phase_offset, defaults })
+        };
+        Some(NamedGait {
+            name: settings.name().to_owned(),
+            is_default: settings.is_default(),
+            is_stable: settings.is_stable(),
+            stride_frequency_hz: settings.stride_frequency_hz() as f32,
+            legs: self.legs.iter().zip(offsets).map(part).collect::<Option<_>>()?,
+        })
+    }
+
+    /// Names of the legs' actuators, two a leg.
+    pub fn actuators(&self) -> impl Iterator<Item = &str> {
+        self.settings.legs.iter().flat_map(|leg| leg.motors_and_actuators().1).map(String::as_str)
+    }
+
     /// The gaits whose speed counts as a default speed.
     pub fn default_gaits(&self) -> impl Iterator<Item = &NamedGait> {
         self.gaits.iter().filter(|gait| gait.is_default)

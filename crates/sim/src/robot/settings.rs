@@ -276,6 +276,10 @@ settings! {
         /// How far the extension's sine is ahead of the swing's [cycles]: 0.5 is eq. 4's pi, 0.75 makes the leg
         /// shortest in the middle of its forward swing.
         pub extension_phase_cycles: f64 in 0.0..=1.0,
+        /// Swing angle about which the legs move [rad]; absent: 0, straight down.
+        pub swing_offset_rad: Option<f64> in -1.5..=1.5,
+        /// Extension about which the legs move [rad]; absent: 0, that of the standing pose.
+        pub extension_offset_rad: Option<f64> in -1.5..=1.5,
     }
 }
 
@@ -393,7 +397,8 @@ impl GaitSettings {
                 let defaults = LegParameters {
                     swing_amplitude: sine.swing_amplitude_rad as f32,
                     extension_amplitude: sine.extension_amplitude_rad as f32,
-                    ..LegParameters::default()
+                    swing_offset: sine.swing_offset_rad.unwrap_or(0.0) as f32,
+                    extension_offset: sine.extension_offset_rad.unwrap_or(0.0) as f32,
                 };
                 Some((Waveform::Sine(wave), defaults))
             }

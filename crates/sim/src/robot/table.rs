@@ -2,9 +2,10 @@
 
 use std::path::Path;
 
-use canter_gait::prior::{TABLE_POINTS, Table};
+use canter_gait::prior::{LegGait, TABLE_POINTS, Table, Waveform};
 use canter_gait::{Leg, LegPosition};
 
+use super::{NamedGait, Robot};
 use crate::file;
 use crate::settings::MAX_FILE_BYTES;
 
@@ -70,6 +71,34 @@ impl Recording {
             return Err(format!("expected at least {MIN_ROWS} lines of numbers, found {}", rows.len()));
         }
         Ok(Self { actuators, rows })
+    }
+
+    /// The targets of a robot's actuators, two a leg, in each row, `(n x M)` [rad].
+    ///
+    /// # Errors
+    /// As [`gait`](Self::gait).
+    pub fn targets(&self, robot: &Robot) -> Result<Vec<Vec<f32>>, String> {
+        self.legs(robot)?;
+        let column = |name| self.actuators.iter().position(|actuator| actuator == name);
+        let columns: Vec<usize> = robot.actuators().filter_map(column).collect();
+        Ok(self.rows.iter().map(|row| columns.iter().map(|&column| row[column] as f32).collect()).collect())
+    }
+
+    /// The recording as a gait of a robot; it is neither a default nor said to be stable.
+    ///
+    /// # Errors
+    /// An actuator without a column, or a position that a leg cannot have.
+    pub fn gait(&self, robot: &Robot, name: &str, stride_frequency_hz: f32) -> Result<NamedGait, String> {
+        let part =
+            |table: Table| LegGait { waveform: Waveform::Table(table), phase_offset: 0.0, defaults: table.defaults() };
+        let legs = self.legs(robot)?.into_iter().map(part).collect();
+        Ok(NamedGait { name: name.to_owned(), is_default: false, is_stable: false, stride_frequency_hz, legs })
+    }
+
+    /// The motion of every leg of a robot.
+    fn legs(&self, robot: &Robot) -> Result<Vec<Table>, String> {
+        let legs = robot.legs.iter().zip(&robot.settings.legs);
+        legs.map(|(leg, settings)| self.leg(leg, settings.motors_and_actuators().1)).collect()
     }
 
     /// The motion of a leg whose two actuators have these names.

@@ -77,9 +77,10 @@ pub fn policy_settings(prior: &str, modulation: ModulationChoice) -> PolicySetti
         ranges: RangeSettings {
             frequency_factor: vec![0.5, 2.0],
             swing_amplitude_rad: vec![0.0, 1.0],
-            extension_amplitude_rad: vec![0.0, 1.0],
+            extension_amplitude_rad: Some(vec![0.0, 1.0]),
             swing_offset_rad: vec![-0.3, 0.3],
-            extension_offset_rad: vec![-0.5, 0.5],
+            extension_offset_rad: Some(vec![-0.5, 0.5]),
+            residual_rad: None,
         },
     }
 }

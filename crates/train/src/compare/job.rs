@@ -1,30 +1,20 @@
 //! One job: a rung and a seed, from its configuration to its measured numbers, on one thread, in a folder of its own.
 
 use std::fs;
-use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::path::Path;
+use std::sync::atomic::Ordering;
 
 use canter_sim::Task;
-use serde::Serialize;
-use serde::de::DeserializeOwned;
 use serde_json::{Value, json};
 
-use super::CompareError;
 use super::measured::{Measured, Subject, planned_steps};
-use super::progress::Meter;
 use super::protocol::{CompareSettings, Quantity, Rung, RungKind, UPHILL_DEG};
 use crate::config::{EvaluationSettings, Resolved};
 use crate::evaluate::Mover;
 use crate::executor::Workers;
-use crate::policy_file::PolicyFile;
-use crate::run::{Ending, pick_up, train};
-use crate::run_directory::{
-    RunDirectory, RunError, io_error, policy_path, read_config, read_metrics, read_policy, write_trajectory,
-    write_whole,
-};
+use crate::jobs::{JobsError, Watch, learn, read_json, write_json, wrong};
+use crate::run_directory::{io_error, read_metrics, write_trajectory};
 use crate::search::tuned::{Candidate, Objective, Search, SearchState};
-use crate::tensors::read_file;
-use crate::trainer::Trainer;
 use crate::trajectory::record;
 
 /// Generations of a search between two saves.
@@ -45,8 +35,7 @@ pub struct Job {
 pub(super) struct Context<'a> {
     pub settings: &'a CompareSettings,
     pub folder: &'a Path,
-    pub stop: &'a AtomicBool,
-    pub meter: &'a Meter<'a>,
+    pub watch: Watch<'a>,
 }
 
 /// Every job of a comparison, the longest first, so that none is left over at the end.
@@ -108,18 +97,18 @@ impl Job {
     }
 
     /// Does what is left to do; none if it was asked to stop before the end.
-    pub(super) fn run(&self, context: &Context<'_>, workers: &Workers) -> Result<Option<Measured>, CompareError> {
+    pub(super) fn run(&self, context: &Context<'_>, workers: &Workers) -> Result<Option<Measured>, JobsError> {
         let folder = context.folder.join(self.name());
         let resolved = self.rung.resolved(context.settings, self.seed.unwrap_or(0))?;
         let planned = self.planned_steps(context.settings, &resolved.task);
         let measured_path = folder.join("measured.json");
         if let Some(measured) = read_json::<Measured>(&measured_path)? {
             measured.check(self.rung, context.settings).map_err(wrong(&measured_path))?;
-            context.meter.skip(planned);
-            context.meter.finish_job();
+            context.watch.meter.skip(planned);
+            context.watch.meter.finish_job();
             return Ok(Some(measured));
         }
-        if context.stop.load(Ordering::Relaxed) {
+        if context.watch.stop.load(Ordering::Relaxed) {
             return Ok(None);
         }
         let task = resolved.task.clone();
@@ -135,14 +124,14 @@ impl Job {
                 self.measure(&task, Mover::Constant(&candidate.action), (env_steps, Vec::new()), context, workers)?
             }
             RungKind::Learned => {
-                let Some(policy) = learn(resolved, &folder, context, workers)? else { return Ok(None) };
+                let Some(policy) = learn(resolved, &folder, context.watch, workers)? else { return Ok(None) };
                 let result = (policy.card.provenance.env_steps, return_curve(&folder)?);
                 self.measure(&task, Mover::Policy(&policy.policy()), result, context, workers)?
             }
         };
         if let Some(measured) = &measured {
             write_json(&measured_path, measured)?;
-            context.meter.finish_job();
+            context.watch.meter.finish_job();
         }
         Ok(measured)
     }
@@ -155,7 +144,7 @@ impl Job {
         (env_steps, return_curve): (u64, Vec<(u64, f64)>),
         context: &Context<'_>,
         workers: &Workers,
-    ) -> Result<Option<Measured>, CompareError> {
+    ) -> Result<Option<Measured>, JobsError> {
         let evaluation = context.settings.evaluation();
         let folder = context.folder.join(self.name()).join(TRAJECTORIES);
         write_trajectory(&folder, &record(task, mover, &evaluation, self.rung.name(), self.rung.label()))?;
@@ -165,7 +154,8 @@ impl Job {
         }
         let share = self.rung.is_swept().then_some(self.place);
         let subject = Subject { task, mover, seed: self.seed, env_steps, return_curve, share };
-        Ok(subject.measure(context.settings, workers, context.stop, &|env_steps| context.meter.add(env_steps)))
+        Ok(subject
+            .measure(context.settings, workers, context.watch.stop, &|env_steps| context.watch.meter.add(env_steps)))
     }
 
     /// Searches for both objectives; the better result and the env steps of both, or none if it was asked to stop.
@@ -175,7 +165,7 @@ impl Job {
         folder: &Path,
         context: &Context<'_>,
         workers: &Workers,
-    ) -> Result<Option<(Candidate, u64)>, CompareError> {
+    ) -> Result<Option<(Candidate, u64)>, JobsError> {
         fs::create_dir_all(folder).map_err(|source| io_error(folder, source))?;
         let settings = context.settings.search();
         let search = Search { task: &resolved.task, settings: &settings, seed: resolved.config.seed };
@@ -184,11 +174,11 @@ impl Job {
             let path = folder.join(format!("search-{}.json", objective.name()));
             let mut state = read_json(&path)?.unwrap_or_else(|| search.start(objective));
             search.check(&state, objective).map_err(wrong(&path))?;
-            context.meter.skip(state.env_steps);
+            context.watch.meter.skip(state.env_steps);
             if state.chosen.is_none() {
                 let (mut counted, mut saved) = (state.env_steps, Ok(()));
-                search.run(&mut state, workers, context.stop, &mut |state| {
-                    context.meter.add(state.env_steps - counted);
+                search.run(&mut state, workers, context.watch.stop, &mut |state| {
+                    context.watch.meter.add(state.env_steps - counted);
                     counted = state.env_steps;
                     if state.cma_es.generation % SAVE_GENERATIONS == 0 && saved.is_ok() {
                         saved = write_json(&path, state);
@@ -200,7 +190,7 @@ impl Job {
                 return Ok(None);
             }
             // What a search leaves of its budget counts as done.
-            context.meter.add(context.settings.budget_env_steps.saturating_sub(state.env_steps));
+            context.watch.meter.add(context.settings.budget_env_steps.saturating_sub(state.env_steps));
             states.push(state);
         }
         let better = |a: &&SearchState, b: &&SearchState| {
@@ -258,48 +248,8 @@ fn tuned_card(resolved: &Resolved, states: &[SearchState], best: &SearchState) -
     })
 }
 
-/// Trains, from wherever the folder's run has come to; none if it was asked to stop.
-fn learn(
-    resolved: Resolved,
-    folder: &Path,
-    context: &Context<'_>,
-    workers: &Workers,
-) -> Result<Option<PolicyFile>, CompareError> {
-    let rollout = (resolved.config.training.num_environments * resolved.config.training.horizon) as u64;
-    let is_begun = folder.join("config.toml").is_file();
-    if is_begun && read_config(folder)?.config != resolved.config {
-        return Err(CompareError::OtherConfiguration(folder.to_owned()));
-    }
-    let budget = context.settings.budget_env_steps;
-    if policy_path(folder).is_file() {
-        context.meter.skip(budget);
-        let policy = read_policy(folder)?;
-        let checked = policy.check(&resolved.task);
-        checked.map_err(|source| RunError::Policy { path: policy_path(folder), source })?;
-        return Ok(Some(policy));
-    }
-    let directory = if is_begun {
-        RunDirectory::open(folder)?
-    } else {
-        // A process that was killed here before it wrote the configuration has left nothing of worth.
-        if folder.exists() {
-            fs::remove_dir_all(folder).map_err(|source| io_error(folder, source))?;
-        }
-        RunDirectory::create(Some(folder), "", &resolved.config)?
-    };
-    let mut trainer = Trainer::new(resolved);
-    pick_up(&mut trainer, &directory)?;
-    context.meter.skip(trainer.progress().env_steps);
-    let ending = train(&mut trainer, &directory, workers, context.stop, &mut |_| context.meter.add(rollout))?;
-    if ending == Ending::Stopped {
-        return Ok(None);
-    }
-    context.meter.add(budget.saturating_sub(trainer.progress().env_steps));
-    Ok(Some(PolicyFile::of(&trainer)))
-}
-
 /// Env steps and mean return of every iteration in which an episode ended, from `metrics.jsonl`.
-fn return_curve(folder: &Path) -> Result<Vec<(u64, f64)>, CompareError> {
+fn return_curve(folder: &Path) -> Result<Vec<(u64, f64)>, JobsError> {
     let path = folder.join("metrics.jsonl");
     let text = read_metrics(&path)?.ok_or_else(|| io_error(&path, std::io::ErrorKind::NotFound.into()))?;
     let point = |line: &str| {
@@ -307,28 +257,6 @@ fn return_curve(folder: &Path) -> Result<Vec<(u64, f64)>, CompareError> {
         Some((metrics["env_steps"].as_u64()?, metrics["episode_return"].as_f64()?))
     };
     Ok(text.lines().filter_map(point).collect())
-}
-
-/// The value in a JSON file; none if there is no file.
-pub(super) fn read_json<T: DeserializeOwned>(path: &Path) -> Result<Option<T>, CompareError> {
-    let bytes = match read_file(path) {
-        Ok(bytes) => bytes,
-        Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(None),
-        Err(source) => return Err(io_error(path, source).into()),
-    };
-    let broken = |source| CompareError::Broken { path: PathBuf::from(path), source };
-    serde_json::from_slice(&bytes).map(Some).map_err(broken)
-}
-
-/// The error that a JSON file holds what cannot be.
-fn wrong(path: &Path) -> impl FnOnce(String) -> CompareError {
-    move |what| CompareError::Wrong { path: path.to_owned(), what }
-}
-
-/// Writes a JSON file whole, its keys sorted.
-pub(super) fn write_json<T: Serialize>(path: &Path, value: &T) -> Result<(), CompareError> {
-    let value = serde_json::to_value(value).expect("its keys are strings");
-    Ok(write_whole(path, format!("{value:#}\n").as_bytes())?)
 }
 
 #[cfg(test)]

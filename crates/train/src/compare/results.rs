@@ -4,11 +4,11 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
-use super::CompareError;
 use super::claims::{Claim, claims};
 use super::job::{TRAJECTORIES, job_name, uphill_name};
 use super::measured::{Measured, RunReport};
 use super::protocol::{CompareSettings, EvaluationCard, Quantity, Rung, RungKind};
+use crate::jobs::JobsError;
 use crate::statistics::{
     bootstrap_interval, interquartile_mean, mean, nested_bootstrap_interval, probability_of_improvement,
 };
@@ -167,7 +167,7 @@ impl Comparison {
     ///
     /// # Errors
     /// A robot that cannot be loaded.
-    pub fn new(settings: &CompareSettings, measured: Vec<(Rung, Measured)>) -> Result<Self, CompareError> {
+    pub fn new(settings: &CompareSettings, measured: Vec<(Rung, Measured)>) -> Result<Self, JobsError> {
         let mut of_rung: BTreeMap<Rung, Vec<Measured>> = BTreeMap::new();
         for (rung, measured) in measured {
             of_rung.entry(rung).or_default().push(measured);

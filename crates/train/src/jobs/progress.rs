@@ -1,10 +1,10 @@
-//! How far a comparison has come.
+//! How far jobs have come.
 
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 
-/// How far a comparison has come.
+/// How far jobs have come.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct CompareProgress {
+pub struct JobsProgress {
     /// Jobs that are done.
     pub jobs: usize,
     /// Jobs in all.
@@ -18,17 +18,17 @@ pub struct CompareProgress {
 }
 
 /// Counts what all threads have done.
-pub(super) struct Meter<'a> {
+pub(crate) struct Meter<'a> {
     jobs: AtomicUsize,
     env_steps: AtomicU64,
     skipped: AtomicU64,
     num_jobs: usize,
     num_env_steps: u64,
-    observe: &'a (dyn Fn(CompareProgress) + Sync),
+    observe: &'a (dyn Fn(JobsProgress) + Sync),
 }
 
 impl<'a> Meter<'a> {
-    pub fn new(num_jobs: usize, num_env_steps: u64, observe: &'a (dyn Fn(CompareProgress) + Sync)) -> Self {
+    pub fn new(num_jobs: usize, num_env_steps: u64, observe: &'a (dyn Fn(JobsProgress) + Sync)) -> Self {
         let (jobs, env_steps, skipped) = (AtomicUsize::new(0), AtomicU64::new(0), AtomicU64::new(0));
         Self { jobs, env_steps, skipped, num_jobs, num_env_steps, observe }
     }
@@ -52,7 +52,7 @@ impl<'a> Meter<'a> {
     }
 
     fn show(&self) {
-        (self.observe)(CompareProgress {
+        (self.observe)(JobsProgress {
             jobs: self.jobs.load(Ordering::Relaxed),
             num_jobs: self.num_jobs,
             env_steps: self.env_steps.load(Ordering::Relaxed).min(self.num_env_steps),

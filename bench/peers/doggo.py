@@ -55,7 +55,7 @@ class Task:
     @property
     def height_margin_m(self):
         """What trainings add to the least height."""
-        return self.preset["task"].get("height_margin_m", 0.0)
+        return self.preset["task"].get("height_margin", 0.0) * self.robot["stance_height_m"]
 
     @property
     def num_actions(self):

@@ -33,6 +33,8 @@ pub enum Command {
     Replay(ReplayArgs),
     /// Measure a trained policy, or a bare gait
     Eval(EvalArgs),
+    /// Measure what trained policies keep of their speed on other grounds and with other motors, masses and delays
+    Robustness(RobustnessArgs),
     /// Compare learned, tuned and default gaits at equal budgets over several seeds
     Compare(CompareArgs),
     /// Train with other values of the configuration, over several seeds
@@ -157,6 +159,33 @@ pub struct EvalArgs {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub threads: Option<u16>,
     /// Print JSON instead of a table
+    #[arg(long)]
+    pub json: bool,
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  canter robustness runs/doggo-robust-1-1          one policy under every condition
+  canter robustness runs/doggo-* --json            several seeds, for a program
+
+Each policy walks under one condition after another, from the same random states: friction, mass, delay, all three
+at once, weak motors, slopes, rough ground, curbs, a push. Runs that differ by their seed only share a table. What a
+policy keeps counts against its own speed on level ground. Numbers and conditions: docs/ground.md.")]
+pub struct RobustnessArgs {
+    /// Run directories of trained policies
+    #[arg(required = true, value_name = "RUN")]
+    pub runs: Vec<PathBuf>,
+    /// Episodes under each condition
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    pub episodes: Option<usize>,
+    /// Seed of the random starts
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    pub seed: Option<u64>,
+    /// Worker threads; as many as there are cores if not given
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub threads: Option<u16>,
+    /// Print JSON instead of tables
     #[arg(long)]
     pub json: bool,
 }

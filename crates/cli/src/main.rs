@@ -27,6 +27,7 @@ fn main() -> ExitCode {
         Command::Resume(args) => commands::train::resume(&args),
         Command::Replay(args) => commands::replay::replay(&args),
         Command::Eval(args) => commands::eval::eval(&args),
+        Command::Robustness(args) => commands::robustness::robustness(&args),
         Command::Compare(args) => commands::compare::compare(&args),
         Command::Sweep(args) => commands::sweep::sweep(&args),
         Command::Report(args) => commands::report::report(&args),

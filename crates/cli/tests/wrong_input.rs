@@ -57,7 +57,7 @@ fn a_report_needs_what_it_reports_on() {
 
 #[test]
 fn unknown_presets() {
-    let message = "no preset is called `doggoo`: there are `doggo`, `paper`, `minitaur`, `q8bot`, `quad12`, `hexapod`, `octopod`; a configuration of your own is given by the path \
+    let message = "no preset is called `doggoo`: there are `doggo`, `paper`, `minitaur`, `q8bot`, `quad12`, `hexapod`, `octopod`, `doggo-robust`, `minitaur-robust`, `q8bot-robust`, `quad12-robust`, `hexapod-robust`, `octopod-robust`; a configuration of your own is given by the path \
                    of its .toml file";
     assert_refused(&["train", "doggoo"], message);
     assert_refused(&["config", "doggoo"], message);

@@ -1,6 +1,8 @@
 //! The environment: one robot, one task, one simulation.
 
+mod episode;
 pub mod snapshot;
+mod state;
 
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -9,10 +11,18 @@ use canter_gait::{LegGeometry, LegPosition, PhaseClock, Sensors};
 
 use crate::accident::{Accident, StuckTimer};
 use crate::frame::{self, Matrix3};
+use crate::ground::{Ground, Relief};
 use crate::mujoco::Simulation;
 use crate::reward::{Motion, RewardTerms, accident_penalty, mechanical_work_j};
 use crate::robot::Robot;
 use crate::task::{Task, TaskSettings};
+use crate::variation::{Draw, Variant};
+use crate::world::World;
+
+use self::episode::Episode;
+
+/// Keys of episodes are below this: every one is a whole number that an `f64` holds.
+const KEYS: f64 = (1_u64 << 53) as f64;
 
 /// What one env step brought.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -34,8 +44,8 @@ pub struct StepOutcome {
 pub struct Env {
     task: Arc<Task>,
     simulation: Simulation,
-    /// Slope of the ground in this episode, positive uphill [rad].
-    slope_rad: f64,
+    /// What is special about this episode.
+    episode: Episode,
     clock: PhaseClock,
     /// `(A)` the action of the step before, clamped.
     previous_action: Vec<f32>,
@@ -44,15 +54,26 @@ pub struct Env {
     stuck: StuckTimer,
     env_steps: u32,
     return_so_far: f64,
+    /// The motors as they are.
+    actual: MotorReadings,
+    /// The ground of this episode; none: the plane z = 0.
+    relief: Option<Relief>,
+    /// The sensors' readings: what is, and their noise.
     sensed: Sensed,
     buffers: Buffers,
+}
+
+/// Angles and velocities of the motors, `(M)` each [rad, rad/s].
+#[derive(Clone, Debug)]
+struct MotorReadings {
+    angles: Vec<f32>,
+    velocities: Vec<f32>,
 }
 
 /// The sensors' readings, kept because [`Sensors`] only borrows.
 #[derive(Debug)]
 struct Sensed {
-    motor_angles: Vec<f32>,
-    motor_velocities: Vec<f32>,
+    motors: MotorReadings,
     orientation: [f32; 3],
     angular_velocity_in_body: [f32; 3],
 }
@@ -67,37 +88,35 @@ struct Buffers {
 impl Env {
     /// An environment that still has to be [reset](Self::reset).
     pub fn new(task: Arc<Task>) -> Self {
-        let mut model = task.robot.model.clone();
+        let mut model = task.model().clone();
         model.set_timestep_s(task.settings.physics_dt_s);
-        model.set_gravity(frame::gravity_in_ground(model.gravity(), task.settings.slope_deg.to_radians()));
-        if let Some(friction) = task.settings.friction {
-            model.set_friction(friction);
-        }
-        let simulation = Simulation::new(&model);
+        let own = World::of(&task.settings);
+        model.set_gravity(frame::gravity_in_ground(model.gravity(), [own.slope_rad, own.cross_slope_rad]));
+        let mut simulation = Simulation::new(&model);
+        let tilted = World { slope_rad: own.slope_rad, cross_slope_rad: own.cross_slope_rad, ..World::PLAIN };
+        own.apply(&tilted, &task.robot, &mut simulation);
         Self::with_simulation(task, simulation)
     }
 
     /// An environment on a simulation that the caller has prepared: what-if studies of the model's numbers.
     ///
-    /// The task's time step, slope and friction are the caller's to set.
+    /// The task's time step, slopes, friction and masses are the caller's to set.
     pub fn with_simulation(task: Arc<Task>, simulation: Simulation) -> Self {
         let num_motors = 2 * task.robot.legs.len();
-        let delay = task.robot.settings.command_delay_steps as usize;
+        let delay = task.longest_delay().div_ceil(task.num_substeps);
+        let motors = MotorReadings { angles: vec![0.0; num_motors], velocities: vec![0.0; num_motors] };
         Self {
             simulation,
-            slope_rad: task.settings.slope_deg.to_radians(),
+            episode: Episode::new(&task, Draw::default()),
             clock: PhaseClock::default(),
             previous_action: vec![0.0; task.num_actions()],
             commands: (0..=delay).map(|_| vec![0.0; num_motors]).collect(),
             stuck: StuckTimer::default(),
             env_steps: 0,
             return_so_far: 0.0,
-            sensed: Sensed {
-                motor_angles: vec![0.0; num_motors],
-                motor_velocities: vec![0.0; num_motors],
-                orientation: [0.0; 3],
-                angular_velocity_in_body: [0.0; 3],
-            },
+            actual: motors.clone(),
+            relief: None,
+            sensed: Sensed { motors, orientation: [0.0; 3], angular_velocity_in_body: [0.0; 3] },
             buffers: Buffers {
                 torques: vec![0.0; task.robot.motor_joints().count()],
                 velocities: vec![0.0; task.robot.motor_joints().count()],
@@ -124,25 +143,34 @@ impl Env {
     /// # Shapes
     /// - `observation`: `(O)`, raw
     pub fn reset(&mut self, uniform: &mut dyn FnMut() -> f64, observation: &mut [f32]) {
-        let noise_rad = self.task.settings.start_noise_rad;
+        let task = self.task.clone();
+        let robot = &task.robot;
+        let noise_rad = task.settings.start_noise_rad;
         let noise = |uniform: &mut dyn FnMut() -> f64| noise_rad * (2.0 * uniform() - 1.0);
-        self.simulation.reset();
         self.clock = PhaseClock::at(uniform() as f32);
         self.previous_action.fill(0.0);
         self.stuck = StuckTimer::default();
         self.env_steps = 0;
         self.return_so_far = 0.0;
-
         let [roll, pitch, yaw] = [noise(uniform), noise(uniform), noise(uniform)];
-        let ground_from_body = frame::from_euler(roll, pitch, yaw);
-        let robot = &self.task.robot;
+        let starts: Vec<LegPosition> = robot
+            .legs
+            .iter()
+            .map(|leg| {
+                let position = LegPosition { swing: noise(uniform) as f32, extension: noise(uniform) as f32 };
+                leg.limits.clamp(position)
+            })
+            .collect();
+        // Drawn last, so that an episode's start does not depend on what it is like.
+        let variant = self.episode.draw.variant;
+        let key = if task.needs_key(variant) { (uniform() * KEYS) as u64 } else { 0 };
+        self.begin(Draw { variant, key });
+
+        self.simulation.reset();
         let (root, _) = robot.root;
         // Distances count from the start, wherever the model's file has put the robot.
         self.simulation.qpos_mut()[root..root + 2].fill(0.0);
-        let mut lowest_foot_m = f64::INFINITY;
-        for (i, leg) in robot.legs.iter().enumerate() {
-            let position =
-                leg.limits.clamp(LegPosition { swing: noise(uniform) as f32, extension: noise(uniform) as f32 });
+        for (i, (leg, position)) in robot.legs.iter().zip(starts).enumerate() {
             let [first, second] = leg.targets(position);
             for command in &mut self.commands {
                 command[2 * i] = first;
@@ -150,30 +178,88 @@ impl Env {
             }
             place_leg(&mut self.simulation, robot, i, position);
         }
-        let quaternion = frame::quaternion(&ground_from_body);
+        let quaternion = frame::quaternion(&frame::from_euler(roll, pitch, yaw));
         self.simulation.qpos_mut()[root + 3..root + 7].copy_from_slice(&quaternion);
         self.simulation.update_positions();
+        let mut lowest_foot_m = f64::INFINITY;
         for address in &robot.leg_addresses {
-            let foot_m = self.simulation.geom_positions_in_world()[address.foot][2];
-            lowest_foot_m = lowest_foot_m.min(foot_m - robot.model.geom_radius_m(address.foot));
+            let foot = self.simulation.geom_positions_in_world()[address.foot];
+            let radius_m = robot.model.geom_radius_m(address.foot);
+            let above_ground_m = self.relief.as_ref().map(|relief| relief.clearance_m(foot, radius_m));
+            lowest_foot_m = lowest_foot_m.min(above_ground_m.unwrap_or(foot[2] - radius_m));
         }
-        // The ground is the plane z = 0.
         self.simulation.qpos_mut()[root + 2] -= lowest_foot_m;
         self.observe(false, observation);
     }
 
-    /// Chooses what differs in the coming episodes: `place` in [0, 1) selects one of all the task's variations. Without
-    /// this call, as in searches and evaluations, nothing differs from the task's own values.
-    pub fn vary(&mut self, place: f64) {
-        if let Some(slope_rad) = self.task.variation.slope_rad(place) {
-            self.tilt(slope_rad);
+    /// Chooses what differs in the coming episodes. Without this call, as in searches and evaluations, nothing differs from
+    /// the task's own values.
+    pub fn vary(&mut self, variant: Variant) {
+        self.episode.draw.variant = self.task.variation.is_any().then_some(variant);
+    }
+
+    /// Makes the physics what it is in the episode of this draw. The simulation's state is lost.
+    fn begin(&mut self, draw: Draw) {
+        let episode = Episode::new(&self.task, draw);
+        let ground = self.task.ground.as_ref().filter(|ground| ground.is_uneven());
+        if ground.is_some() {
+            // What MuJoCo derives from the masses depends on the floor's kind: it is the same one for every episode.
+            self.simulation.set_floor_even(self.task.model(), self.task.robot.floor, false);
+        }
+        episode.world.apply(&self.episode.world, &self.task.robot, &mut self.simulation);
+        self.episode = episode;
+        if self.task.ground.as_ref().is_some_and(|ground| ground.patches().is_some()) {
+            // Where neither geom has priority the greater friction counts: leave it to the feet.
+            self.simulation.set_friction_of(self.task.robot.floor, 0.0);
+        }
+        if let Some(ground) = ground {
+            self.relief = ground.relief(draw.key, episode.world.roughness);
+            self.simulation.set_floor_even(self.task.model(), self.task.robot.floor, self.relief.is_none());
+        }
+        if let Some(relief) = &self.relief {
+            relief.write(self.simulation.height_field_mut());
+        }
+        self.follow_with_ground();
+    }
+
+    /// Puts the piece of ground that is there under the robot, and gives the feet the friction of where they are.
+    fn follow_with_ground(&mut self) {
+        let [x, y, _] = self.position_in_ground();
+        let robot = &self.task.robot;
+        if let Some(relief) = &self.relief {
+            self.simulation.move_floor(robot.floor, relief.nearest_tile([x, y]));
+        }
+        if let Some(patches) = self.task.ground.as_ref().and_then(Ground::patches) {
+            self.simulation.update_positions();
+            for address in &robot.leg_addresses {
+                let [x, y, _] = self.simulation.geom_positions_in_world()[address.foot];
+                let own = self.episode.world.friction.unwrap_or(robot.model.friction(address.foot));
+                let factor = patches.factor_at([x, y], self.episode.draw.key);
+                self.simulation.set_friction_of(address.foot, factor * own);
+            }
         }
     }
 
-    /// Gives the ground this slope [rad].
-    fn tilt(&mut self, slope_rad: f64) {
-        self.slope_rad = slope_rad;
-        self.simulation.set_gravity(frame::gravity_in_ground(self.task.robot.model.gravity(), slope_rad));
+    /// Whether this episode's ground is more than a plane.
+    pub fn is_on_uneven_ground(&self) -> bool {
+        self.relief.is_some()
+    }
+
+    /// Where the middle of this episode's piece of ground lies: forward, left [m].
+    pub(crate) fn ground_middle(&self) -> [f64; 2] {
+        let [x, y, _] = self.position_in_ground();
+        self.relief.as_ref().map_or([0.0; 2], |relief| relief.nearest_tile([x, y]))
+    }
+
+    /// Height of the ground at a point: forward, left [m].
+    pub fn ground_height_m(&self, point: [f64; 2]) -> f64 {
+        self.relief.as_ref().map_or(0.0, |relief| relief.height_m(point))
+    }
+
+    /// Height of the body above the ground below it [m].
+    pub fn height_above_ground_m(&self) -> f64 {
+        let [x, y, z] = self.position_in_ground();
+        z - self.ground_height_m([x, y])
     }
 
     /// One control step with the policy's action.
@@ -213,7 +299,11 @@ impl Env {
 
     /// Simulates one control step under the command whose time has come.
     fn advance(&mut self, squared_action_change: f64, observation: &mut [f32]) -> StepOutcome {
+        if let Some(velocity) = self.episode.push(&self.task, self.env_steps) {
+            self.push(velocity);
+        }
         let (before, heading_before, began_sane) = (self.position_in_ground(), self.heading_rad(), self.makes_sense());
+        self.follow_with_ground();
         let mut work_j = self.simulate();
         self.env_steps = self.env_steps.saturating_add(1);
 
@@ -248,19 +338,23 @@ impl Env {
     /// The physics steps of one control step; returns the motors' work [J].
     fn simulate(&mut self) -> f64 {
         let robot = &self.task.robot;
-        let motor = robot.motor();
-        if let Some(command) = self.commands.front() {
-            for (pair, address) in command.chunks_exact(2).zip(&robot.leg_addresses) {
-                for (value, actuator) in pair.iter().zip(address.actuators) {
-                    self.simulation.ctrl_mut()[actuator] = f64::from(*value);
-                }
-            }
-        }
+        let Episode { motor, delay_steps, .. } = self.episode;
+        let mut acting = None;
         for held in &robot.held {
             self.simulation.ctrl_mut()[held.actuator] = held.target;
         }
         let mut work_j = 0.0;
-        for _ in 0..self.task.num_substeps {
+        for physics_step in 0..self.task.num_substeps {
+            let age = episode::command_age(delay_steps, physics_step, self.task.num_substeps);
+            if acting != Some(age) {
+                acting = Some(age);
+                let command = &self.commands[self.commands.len() - 1 - age];
+                for (pair, address) in command.chunks_exact(2).zip(&robot.leg_addresses) {
+                    for (value, actuator) in pair.iter().zip(address.actuators) {
+                        self.simulation.ctrl_mut()[actuator] = f64::from(*value);
+                    }
+                }
+            }
             for ((joint, dof), stored) in robot.motor_joints().zip(&mut self.buffers.velocities) {
                 let velocity = self.simulation.qvel()[dof];
                 *stored = velocity;
@@ -292,23 +386,29 @@ impl Env {
         let motors = robot.leg_addresses.iter().flat_map(|leg| leg.motors.into_iter().zip(leg.conventions));
         for (i, ((position, velocity), convention)) in motors.enumerate() {
             let sign = f64::from(convention.sign);
-            self.sensed.motor_angles[i] = (sign * (qpos[position] - standing[position])) as f32;
-            self.sensed.motor_velocities[i] = (sign * qvel[velocity]) as f32;
+            self.actual.angles[i] = (sign * (qpos[position] - standing[position])) as f32;
+            self.actual.velocities[i] = (sign * qvel[velocity]) as f32;
         }
+        self.sensed.motors.angles.copy_from_slice(&self.actual.angles);
+        self.sensed.motors.velocities.copy_from_slice(&self.actual.velocities);
         let (_, root_velocity) = robot.root;
         // MuJoCo gives a free joint's angular velocity in the body's own frame.
         self.sensed.angular_velocity_in_body = std::array::from_fn(|axis| qvel[root_velocity + 3 + axis] as f32);
-        let gravity_from_ground = frame::from_euler(0.0, -self.slope_rad, 0.0);
+        let World { slope_rad, cross_slope_rad, .. } = self.episode.world;
+        let gravity_from_ground = frame::gravity_from_ground([slope_rad, cross_slope_rad]);
         let gravity_from_body = frame::multiply(&gravity_from_ground, &self.ground_from_body());
         self.sensed.orientation = frame::to_euler(&gravity_from_body).map(|angle| angle as f32);
+        if let Some(noise) = self.episode.noise {
+            self.sensed.add_noise(&noise, self.episode.draw.key, self.env_steps);
+        }
         self.task.controller().observe(&self.sensors(), &self.clock, &self.previous_action, observation);
     }
 
     /// What the sensors say now.
     pub fn sensors(&self) -> Sensors<'_> {
         Sensors {
-            motor_angles: &self.sensed.motor_angles,
-            motor_velocities: &self.sensed.motor_velocities,
+            motor_angles: &self.sensed.motors.angles,
+            motor_velocities: &self.sensed.motors.velocities,
             orientation: self.sensed.orientation,
             angular_velocity_in_body: self.sensed.angular_velocity_in_body,
         }
@@ -328,7 +428,7 @@ impl Env {
         let up = self.ground_from_body()[2][2];
         if up < limits.max_tilt_deg.to_radians().cos() {
             Some(Accident::Rollover)
-        } else if self.position_in_ground()[2] < limits.min_height_m + task.settings.height_margin_m {
+        } else if self.height_above_ground_m() < task.min_height_m() {
             Some(Accident::TooLow)
         } else if stuck_s >= limits.stuck_time_s {
             Some(Accident::LegStuck)
@@ -347,8 +447,10 @@ impl Env {
 
     /// Each leg's commanded and actual position; the command is the one that the motors had in the last step.
     fn leg_positions(&self) -> impl Iterator<Item = (LegPosition, LegPosition)> {
-        let commands = self.commands.front().map_or(&[][..], |command| command);
-        let angles = self.sensed.motor_angles.chunks_exact(2);
+        let num_substeps = self.task.num_substeps;
+        let age = episode::command_age(self.episode.delay_steps, num_substeps - 1, num_substeps);
+        let commands = &self.commands[self.commands.len() - 1 - age];
+        let angles = self.actual.angles.chunks_exact(2);
         self.task.robot.legs.iter().zip(commands.chunks_exact(2)).zip(angles).map(|((leg, command), angles)| {
             (leg.position_at([command[0], command[1]]), leg.geometry.leg_position([angles[0], angles[1]]))
         })
@@ -428,101 +530,6 @@ impl Env {
     /// Env steps since the start of the episode.
     pub fn env_steps(&self) -> u32 {
         self.env_steps
-    }
-
-    /// Everything that the next step depends on.
-    pub fn state(&self) -> Vec<f64> {
-        let mut state = vec![
-            f64::from(self.clock.phase()),
-            f64::from(self.env_steps),
-            self.return_so_far,
-            self.stuck.seconds(),
-            self.slope_rad,
-        ];
-        state.extend(self.previous_action.iter().map(|&value| f64::from(value)));
-        state.extend(self.commands.iter().flatten().map(|&value| f64::from(value)));
-        state.extend(self.simulation.state());
-        state
-    }
-
-    /// Restores what [`state`](Self::state) gave for the same task, and writes the observation, `(O)`: zeros if the
-    /// positions or velocities make no sense, as after a step.
-    ///
-    /// # Errors
-    /// A state that no environment of this task can have, but for its physics, which the next step judges; the environment
-    /// must then be reset before it is used.
-    pub fn set_state(&mut self, state: &[f64], observation: &mut [f32]) -> Result<(), String> {
-        let num_motors = 2 * self.task.robot.legs.len();
-        let own = 5 + self.previous_action.len() + self.commands.len() * num_motors;
-        let Some((own, physics)) = state.split_at_checked(own) else {
-            return Err(format!("{} numbers are too few for an environment's state", state.len()));
-        };
-        self.check_own(own)?;
-        if physics.iter().any(|value| !value.is_finite()) {
-            return Err("the physics' state has numbers that are not finite".to_owned());
-        }
-        self.simulation.set_state(physics)?;
-        // MuJoCo keeps some numbers, the switches of its constraints, as bytes.
-        if self.simulation.state() != physics {
-            return Err("the physics' state has a switch that is neither on nor off".to_owned());
-        }
-        self.clock = PhaseClock::at(own[0] as f32);
-        self.env_steps = own[1] as u32;
-        self.return_so_far = own[2];
-        self.stuck = StuckTimer::at(own[3]);
-        if own[4] != self.slope_rad {
-            self.tilt(own[4]);
-        }
-        let rest = self.previous_action.iter_mut().chain(self.commands.iter_mut().flatten());
-        for (target, value) in rest.zip(&own[5..]) {
-            *target = *value as f32;
-        }
-        self.observe(!self.makes_sense(), observation);
-        Ok(())
-    }
-
-    /// Checks the numbers of a state that are not the physics'.
-    fn check_own(&self, own: &[f64]) -> Result<(), String> {
-        /// No joint is asked for as much [rad].
-        const LARGEST_COMMAND: f64 = 1e2;
-        let [phase, env_steps, return_so_far, stuck_s, slope_rad] = own[..5] else {
-            unreachable!("the caller has counted");
-        };
-        let (actions, commands) = own[5..].split_at(self.previous_action.len());
-        let own_slope_rad = self.task.settings.slope_deg.to_radians();
-        let has_slope = slope_rad == own_slope_rad || self.task.variation.has_slope(slope_rad);
-        let checks = [
-            ("phase", (0.0..1.0).contains(&phase)),
-            ("number of env steps", env_steps == f64::from(env_steps as u32)),
-            ("return", return_so_far.abs() <= env_steps * self.largest_reward()),
-            ("time of a stuck leg", (0.0..=f64::from(u32::MAX)).contains(&stuck_s)),
-            ("slope", has_slope),
-            ("previous action", actions.iter().all(|value| value.abs() <= 1.0)),
-            ("command", commands.iter().all(|value| value.abs() < LARGEST_COMMAND)),
-        ];
-        match checks.iter().find(|(_, is_possible)| !is_possible) {
-            Some((what, _)) => Err(format!("an environment's state has a {what} that cannot be")),
-            None => Ok(()),
-        }
-    }
-
-    /// What no reward of a step exceeds, however the robot is thrown about: every term at its largest.
-    fn largest_reward(&self) -> f64 {
-        let Task { reward, scale, robot, settings, .. } = &*self.task;
-        let way = frame::LARGEST_VELOCITY * settings.control_dt_s;
-        let terms = RewardTerms::new(
-            reward,
-            scale,
-            &Motion {
-                displacement_in_ground: [way; 3],
-                work_j: self.buffers.torques.len() as f64 * robot.settings.motor.max_torque_nm * way,
-                turn_rad: std::f64::consts::PI,
-                // Each component from -1 to 1.
-                squared_action_change: 4.0 * self.previous_action.len() as f64,
-            },
-        );
-        // All but the first are penalties.
-        2.0 * terms.forward - terms.total()
     }
 }
 

@@ -47,18 +47,32 @@ pub fn multiply(a: &Matrix3, b: &Matrix3) -> Matrix3 {
     std::array::from_fn(|i| std::array::from_fn(|j| (0..3).map(|k| a[i][k] * b[k][j]).sum()))
 }
 
-/// Gravity [m/s^2] seen from ground that rises forward by `slope_rad` [rad].
+/// Rotation from the frame of ground with these slopes, forward and to the left [rad], to gravity's.
 ///
 /// ```text
-/// g' = g (-sin(slope), 0, -cos(slope))
+/// R = R_y(-slope) R_x(cross)
+/// ```
+///
+/// Source: rotation of the frame; level ground is first turned about its forward axis, then about level left.
+pub fn gravity_from_ground([slope_rad, cross_slope_rad]: [f64; 2]) -> Matrix3 {
+    from_euler(cross_slope_rad, -slope_rad, 0.0)
+}
+
+/// Gravity [m/s^2] seen from ground that rises forward by the first and to the left by the second slope [rad].
+///
+/// ```text
+/// g' = g (-sin(slope), -cos(slope) sin(cross), -cos(slope) cos(cross))
 /// ```
 ///
 /// A plane that is tilted under straight gravity and a level plane under tilted gravity are the same physics; the
 /// second keeps MuJoCo's world the ground's frame.
 ///
 /// Source: rotation of the frame.
-pub fn gravity_in_ground(gravity: f64, slope_rad: f64) -> [f64; 3] {
-    [-gravity * slope_rad.sin(), 0.0, -gravity * slope_rad.cos()]
+pub fn gravity_in_ground(gravity: f64, [slope_rad, cross_slope_rad]: [f64; 2]) -> [f64; 3] {
+    let (sin_cross, cos_cross) = cross_slope_rad.sin_cos();
+    // 0 - 0 is 0 without a sign.
+    let left = 0.0 - gravity * slope_rad.cos() * sin_cross;
+    [-gravity * slope_rad.sin(), left, -gravity * slope_rad.cos() * cos_cross]
 }
 
 /// Positions and angles of a robot stay below this [m, rad]: no walk of the longest episode comes near it.
@@ -106,15 +120,29 @@ mod tests {
 
     #[test]
     fn uphill_gravity_pulls_back() {
-        let [x, y, z] = gravity_in_ground(9.81, 20_f64.to_radians());
+        let [x, y, z] = gravity_in_ground(9.81, [20_f64.to_radians(), 0.0]);
         assert!(close(&[x, y, z], &[-9.81 * 0.342_020_143_325_668_7, 0.0, -9.81 * 0.939_692_620_785_908_4]));
         // A robot that stands flat on the slope has its nose up against gravity: negative pitch.
-        let gravity_from_ground = from_euler(0.0, -20_f64.to_radians(), 0.0);
+        let gravity_from_ground = gravity_from_ground([20_f64.to_radians(), 0.0]);
         let up_in_gravity_frame = multiply(&gravity_from_ground, &from_euler(0.0, 0.0, 0.0));
         assert!(to_euler(&up_in_gravity_frame)[1] < 0.0);
         // Gravity in the ground's frame, taken to gravity's frame, points straight down.
         let down: Vec<f64> = gravity_from_ground.iter().map(|row| row[0] * x + row[1] * y + row[2] * z).collect();
         assert!(close(&down, &[0.0, 0.0, -9.81]));
+    }
+
+    #[test]
+    fn on_ground_that_rises_to_the_left_gravity_pulls_right_and_the_robot_leans_right() {
+        let slopes = [10_f64.to_radians(), 30_f64.to_radians()];
+        let pull = gravity_in_ground(10.0, slopes);
+        // sin 10, cos 10 sin 30, cos 10 cos 30 degrees.
+        assert!(close(&pull, &[-1.736_481_776_669_303_3, -4.924_038_765_061_04, -8.528_685_319_524_433]));
+        let gravity_from_ground = gravity_from_ground(slopes);
+        let down: Vec<f64> = gravity_from_ground.iter().map(|row| (0..3).map(|i| row[i] * pull[i]).sum()).collect();
+        assert!(close(&down, &[0.0, 0.0, -10.0]));
+        // Left side up is a positive roll.
+        let [roll, pitch, _] = to_euler(&gravity_from_ground);
+        assert!(close(&[roll, pitch], &[slopes[1], -slopes[0]]));
     }
 
     #[test]

@@ -10,6 +10,8 @@ pub mod env;
 pub mod file;
 pub mod forward;
 pub mod frame;
+pub mod ground;
+mod keyed;
 pub mod mirror;
 pub mod motor;
 pub mod mujoco;
@@ -19,6 +21,7 @@ pub mod robot;
 pub mod settings;
 pub mod task;
 pub mod variation;
+pub mod world;
 
 pub use accident::Accident;
 pub use env::snapshot::{LegSnapshot, Snapshot};

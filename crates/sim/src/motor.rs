@@ -12,6 +12,15 @@ pub struct Motor {
 }
 
 impl Motor {
+    /// The motor with this multiple of its torque, at the same no-load speed: another magnet or winding, not another supply.
+    pub fn scaled(self, factor: f64) -> Self {
+        Self {
+            max_torque_nm: factor * self.max_torque_nm,
+            stall_torque_nm: factor * self.stall_torque_nm,
+            no_load_speed_rad_per_s: self.no_load_speed_rad_per_s,
+        }
+    }
+
     /// Least and greatest torque [N m] at joint speed `velocity` [rad/s].
     ///
     /// ```text

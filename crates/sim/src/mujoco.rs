@@ -1,13 +1,15 @@
 //! The one place that names MuJoCo: loading a model, stepping it, reading and restoring its state, and drawing it.
 
 pub mod anatomy;
+mod changes;
 pub mod convert;
 pub mod painter;
+mod relief;
 #[cfg(feature = "view")]
 pub mod viewer;
 
-use std::path::Path;
-use std::sync::{Mutex, Once, OnceLock, PoisonError};
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, Once, OnceLock, PoisonError};
 
 use mujoco_rs::error::MjModelError;
 use mujoco_rs::mujoco_c::{mjtState, mjtWarning};
@@ -97,11 +99,19 @@ pub struct Model {
     compiled: MjModel,
     /// `(nq)` the standing pose.
     standing: Vec<f64>,
+    source: Source,
+}
+
+/// What a model was compiled from.
+#[derive(Clone, Debug)]
+enum Source {
+    File(PathBuf),
+    Text(Arc<str>),
 }
 
 impl Model {
-    fn new(compiled: MjModel) -> Self {
-        Self { standing: compiled.qpos0().to_vec(), compiled }
+    fn new(compiled: MjModel, source: Source) -> Self {
+        Self { standing: compiled.qpos0().to_vec(), compiled, source }
     }
 
     /// Compiles the MJCF or URDF at `path`.
@@ -110,7 +120,9 @@ impl Model {
     /// MuJoCo's own words about what is wrong with the file.
     pub fn load(path: &Path) -> Result<Self, String> {
         keep_messages();
-        MjModel::from_xml(path).map(Self::new).map_err(|error| message_of(&error))
+        MjModel::from_xml(path)
+            .map(|compiled| Self::new(compiled, Source::File(path.to_owned())))
+            .map_err(|error| message_of(&error))
     }
 
     /// Compiles a model that is text: MJCF without other files.
@@ -119,7 +131,9 @@ impl Model {
     /// MuJoCo's own words about what is wrong with it.
     pub fn parse(text: &str) -> Result<Self, String> {
         keep_messages();
-        MjModel::from_xml_string(text).map(Self::new).map_err(|error| message_of(&error))
+        MjModel::from_xml_string(text)
+            .map(|compiled| Self::new(compiled, Source::Text(text.into())))
+            .map_err(|error| message_of(&error))
     }
 
     /// The number of the object of this name.
@@ -325,6 +339,11 @@ impl Simulation {
         let mut simulation = Self { data, standing: model.standing.clone() };
         simulation.reset();
         simulation
+    }
+
+    /// The model as it is in this simulation, read-only.
+    pub fn model(&self) -> &MjModel {
+        self.data.model()
     }
 
     /// Recomputes what MuJoCo derives from masses and sizes at compile time.

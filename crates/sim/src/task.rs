@@ -8,11 +8,14 @@ use canter_gait::observation::observation_len;
 use canter_gait::prior::LegGait;
 use canter_gait::{ActionLaw, Controller, Gait, Leg, Modulation, ObservationBlock, ParameterRanges, Range};
 
+use crate::ground::{Ground, GroundSettings};
 use crate::mirror::MirrorMaps;
+use crate::mujoco::Model;
 use crate::reward::{RewardScale, RewardWeights};
 use crate::robot::Robot;
 use crate::settings::{Problems, above};
-use crate::variation::{Variation, VariationSettings, interval};
+use crate::variation::{Variant, Variation, VariationSettings, interval};
+use crate::world::World;
 use crate::{choices, settings};
 
 settings! {
@@ -28,15 +31,25 @@ settings! {
         pub goal_distance_m: Option<f64> in above(0.0),
         /// Slope of the ground, positive uphill [deg].
         pub slope_deg: f64 in -45.0..=45.0,
+        /// Slope across, positive where the ground rises to the left [deg]; absent: 0.
+        pub cross_slope_deg: Option<f64> in -45.0..=45.0,
         /// Sliding friction between feet and ground; absent: the model's own.
         pub friction: Option<f64> in 0.0..=10.0,
+        /// Factor of every mass and moment of inertia; absent: 1.
+        pub mass_factor: Option<f64> in 0.1..=10.0,
+        /// Factor of what the motors can give, see the robot's `motor`; absent: 1.
+        pub strength_factor: Option<f64> in 0.1..=10.0,
+        /// Time from a command to its effect [s], in whole physics steps; absent: the robot's `command_delay_steps`.
+        pub delay_s: Option<f64> in 0.0..=0.5,
+        /// What lies on the ground; absent: it is a plane.
+        pub ground: Option<GroundSettings>,
         /// What is left of the return after an accident, see the paper's section II.B.
         pub accident_return_weight: f64 in 0.0..=1.0,
         /// What an accident costs besides, in the reward's unit: leg lengths of way at a forward weight of 1.
         pub accident_cost: f64 in 0.0..=1e3,
-        /// How far above the robot's least height a training episode ends in an accident already [m], so that the policy
-        /// keeps away from it. Searches and evaluations have none of it.
-        pub height_margin_m: f64 in 0.0..=1.0,
+        /// How far above the robot's least height a training episode ends in an accident already, in stance heights, so
+        /// that the policy keeps away from it. Searches and evaluations have none of it.
+        pub height_margin: f64 in 0.0..=1.0,
         /// Largest change of the starting heading, tilt and leg angles [rad], drawn uniformly.
         pub start_noise_rad: f64 in 0.0..=0.5,
         /// What differs between the environments of a training. Searches and evaluations have none of it.
@@ -170,6 +183,10 @@ pub struct Task {
     pub settings: TaskSettings,
     /// What differs between the environments of a training.
     pub variation: Variation,
+    /// What lies on the ground; none: it is a plane.
+    pub ground: Option<Ground>,
+    /// The robot's model on uneven ground.
+    uneven: Option<Arc<Model>>,
     /// The reward's weights.
     pub reward: RewardWeights,
     /// What makes the reward dimensionless.
@@ -236,7 +253,7 @@ impl Task {
         // Only `modulate` uses the box, so only then must the prior lie in it.
         let boxed = if policy.modulation == ModulationChoice::Modulate { legs } else { &[] };
         let ranges = parameter_ranges(&policy.ranges, boxed, reach_rad(&robot), &mut problems);
-        let variation = Variation::new(&settings.variation, settings.slope_deg, &mut problems);
+        let variation = Variation::new(settings, &mut problems);
         if let (Some(gait), Some(ranges)) = (gait, &ranges) {
             let fastest_hz = f64::from(gait.stride_frequency_hz * ranges.frequency_factor.high.max(1.0));
             if fastest_hz * settings.control_dt_s > 0.5 {
@@ -258,15 +275,29 @@ impl Task {
                 Err(reason) => problems.at("policy.symmetric", format!("{reason}; else set it to false")),
             }
         }
+        let leg_length_m = robot.settings.stance_height_m;
+        let max_roughness = World::of(settings).roughness.max(variation.greatest_roughness());
+        let on_ground = settings.ground.clone().or((max_roughness > 0.0).then(GroundSettings::smooth));
+        let ground = on_ground.map(|ground| Ground::new(&ground, max_roughness, leg_length_m, &mut problems));
+        let mut uneven = None;
+        if let Some(ground) = ground.as_ref().filter(|ground| ground.is_uneven()) {
+            match robot.model.on_uneven_ground(robot.floor, &robot.settings.floor, &ground.field()) {
+                Ok(model) => uneven = Some(Arc::new(model)),
+                Err(message) => {
+                    problems.at("task.ground", format!("MuJoCo cannot put this ground under the robot: {message}"));
+                }
+            }
+        }
         problems.finish(())?;
         let (Some(gait), Some(ranges), Some(num_substeps)) = (gait, ranges, num_substeps) else {
             unreachable!("a missing gait, range or number of steps is a problem");
         };
-        let leg_length_m = robot.settings.stance_height_m;
         let lift_energy_j = robot.model.total_mass_kg() * robot.model.gravity() * leg_length_m;
         Ok(Self {
             settings: settings.clone(),
             variation,
+            ground,
+            uneven,
             reward: RewardWeights {
                 forward: reward.forward,
                 drift: reward.drift,
@@ -319,6 +350,49 @@ impl Task {
     /// What that mirror borrows.
     pub fn mirror_maps(&self) -> Option<&MirrorMaps> {
         self.mirror.as_ref()
+    }
+
+    /// Weight of the robot [N].
+    pub fn weight_n(&self) -> f64 {
+        let model = &self.robot.model;
+        model.total_mass_kg() * self.settings.mass_factor.unwrap_or(1.0) * model.gravity()
+    }
+
+    /// The longest time from a command to its effect in any episode, in physics steps.
+    pub(crate) fn longest_delay(&self) -> u32 {
+        let varied = self.variation.longest_delay_s().map(|delay_s| self.delay_steps(Some(delay_s)));
+        self.delay_steps(self.settings.delay_s).max(varied.unwrap_or(0))
+    }
+
+    /// A time from a command to its effect [s] in physics steps; none: the robot's own.
+    pub(crate) fn delay_steps(&self, delay_s: Option<f64>) -> u32 {
+        match delay_s {
+            Some(delay_s) => (delay_s / self.settings.physics_dt_s).round() as u32,
+            None => self.robot.settings.command_delay_steps * self.num_substeps,
+        }
+    }
+
+    /// Whether an episode with this variant has anything that its key decides.
+    pub(crate) fn needs_key(&self, variant: Option<Variant>) -> bool {
+        let roughness = World::of(&self.settings).roughness;
+        self.variation.needs_key(variant) || self.ground.as_ref().is_some_and(|ground| ground.needs_key(roughness))
+    }
+
+    /// The robot's model on this task's ground.
+    pub(crate) fn model(&self) -> &Model {
+        self.uneven.as_deref().unwrap_or(&self.robot.model)
+    }
+
+    /// How close to the ground the body may come before that is an accident [m].
+    ///
+    /// ```text
+    /// z_min = min_height + height_margin h
+    /// ```
+    ///
+    /// Source: our definition; h is the stance height.
+    pub fn min_height_m(&self) -> f64 {
+        let robot = &self.robot.settings;
+        robot.limits.min_height_m + self.settings.height_margin * robot.stance_height_m
     }
 
     /// Number of components of the observation, O.

@@ -3,7 +3,7 @@
 mod common;
 
 use canter_sim::task::ModulationChoice;
-use canter_sim::variation::VariationSettings;
+use canter_sim::variation::{Variant, VariationSettings};
 use canter_sim::{Accident, Env};
 
 fn env(modulation: ModulationChoice, change: impl Fn(&mut canter_sim::TaskSettings)) -> (Env, Vec<f32>) {
@@ -193,13 +193,14 @@ fn the_place_among_the_variations_decides_the_slope() {
     let (mut env, mut observation) = env(ModulationChoice::Amplitude, |settings| {
         settings.start_noise_rad = 0.0;
         settings.slope_deg = -3.0;
-        settings.variation = VariationSettings { share: Some(0.5), slope_deg: Some(vec![5.0, 15.0]) };
+        settings.variation =
+            VariationSettings { share: Some(0.5), slope_deg: Some(vec![5.0, 15.0]), ..common::no_variation() };
     });
     // Half of the places climb from 5 to 15 degrees, the others have the task's own slope.
     for (place, slope_deg) in
         [(0.0, 5.0), (0.1, 7.0), (0.25, 10.0), (0.45, 14.0), (0.5, -3.0), (0.99, -3.0), (0.2, 9.0)]
     {
-        env.vary(place);
+        env.vary(Variant { place, level: 1.0 });
         env.reset(&mut common::uniform(11), &mut observation);
         // A robot that stands flat on the ground shows its slope by its pitch.
         assert!((-observation[17].to_degrees() - slope_deg).abs() < 1e-4, "{place}: {}", observation[17]);
@@ -210,7 +211,7 @@ fn the_place_among_the_variations_decides_the_slope() {
 fn a_varied_slope_is_the_same_physics_as_that_slope_as_the_tasks_own() {
     let walk = |change: &dyn Fn(&mut canter_sim::TaskSettings)| {
         let (mut env, mut observation) = env(ModulationChoice::Amplitude, change);
-        env.vary(0.5);
+        env.vary(Variant { place: 0.5, level: 1.0 });
         env.reset(&mut common::uniform(12), &mut observation);
         for _ in 0..100 {
             env.step_prior(&mut observation);
@@ -218,7 +219,8 @@ fn a_varied_slope_is_the_same_physics_as_that_slope_as_the_tasks_own() {
         (env.position_in_ground(), observation)
     };
     let varied = walk(&|settings| {
-        settings.variation = VariationSettings { share: None, slope_deg: Some(vec![4.0, 12.0]) };
+        settings.variation =
+            VariationSettings { share: None, slope_deg: Some(vec![4.0, 12.0]), ..common::no_variation() };
     });
     let own = walk(&|settings| settings.slope_deg = 8.0);
     assert!(distance(varied.0, own.0) < 1e-9, "{varied:?} {own:?}");
@@ -229,13 +231,14 @@ fn a_varied_slope_is_the_same_physics_as_that_slope_as_the_tasks_own() {
 fn a_restored_environment_goes_on_with_the_same_bytes() {
     restored_goes_on(|_| {});
     restored_goes_on(|settings| {
-        settings.variation = VariationSettings { share: None, slope_deg: Some(vec![-10.0, 10.0]) };
+        settings.variation =
+            VariationSettings { share: None, slope_deg: Some(vec![-10.0, 10.0]), ..common::no_variation() };
     });
 }
 
 fn restored_goes_on(change: impl Fn(&mut canter_sim::TaskSettings)) {
     let (mut original, mut observation) = env(ModulationChoice::Modulate, &change);
-    original.vary(0.9);
+    original.vary(Variant { place: 0.9, level: 1.0 });
     original.reset(&mut common::uniform(9), &mut observation);
     let mut uniform = common::uniform(10);
     let mut action = || (0..17).map(|_| (uniform() * 0.6 - 0.3) as f32).collect::<Vec<_>>();

@@ -175,7 +175,8 @@ fn no_position_and_no_velocity_is_poisoned_without_notice() {
 #[test]
 fn an_environments_own_numbers_cannot_be_nonsense() {
     let mut settings = common::task_settings();
-    settings.variation = VariationSettings { share: Some(0.5), slope_deg: Some(vec![5.0, 15.0]) };
+    settings.variation =
+        VariationSettings { share: Some(0.5), slope_deg: Some(vec![5.0, 15.0]), ..common::no_variation() };
     let task = common::doggo(&settings, &common::policy_settings("sine", ModulationChoice::Amplitude));
     let mut env = walking(&task, 3);
     let mut observation = vec![0.0; task.num_observations()];
@@ -185,7 +186,7 @@ fn an_environments_own_numbers_cannot_be_nonsense() {
         state[place] = value;
         env.set_state(&state, &mut observation).err()
     };
-    // Phase, env steps, return, time of a stuck leg, slope, two previous actions, commands.
+    // Phase, env steps, return, time of a stuck leg, place, level, key, two previous actions, commands.
     for (place, wrong, right) in [
         (0, 1.0, 0.999),
         (0, -0.1, 0.0),
@@ -194,10 +195,12 @@ fn an_environments_own_numbers_cannot_be_nonsense() {
         (1, 1e10, 4e9),
         (2, 1e9, 12.0),
         (3, -1.0, 0.4),
-        (4, 0.3, 10_f64.to_radians()),
+        (4, 1.0, 0.3),
         (4, -0.1, 0.0),
-        (5, 1.01, -1.0),
-        (7, 1e3, 0.7),
+        (5, 0.5, 1.0),
+        (6, 7.0, 0.0),
+        (7, 1.01, -1.0),
+        (9, 1e3, 0.7),
     ] {
         let message = refusal(place, wrong).unwrap_or_else(|| panic!("{wrong} at {place}"));
         assert!(message.starts_with("an environment's state has a ") && message.ends_with(" that cannot be"));

@@ -9,7 +9,7 @@ use crate::checkpoint::CheckpointError;
 use crate::tensors::TensorFile;
 
 /// Version of the format; readers refuse others.
-const FORMAT_VERSION: u32 = 1;
+const FORMAT_VERSION: u32 = 2;
 
 /// Env steps after which a recording begins anew: the last one and a half windows, on average, are known.
 const WINDOW_STEPS: usize = 50;

@@ -8,7 +8,7 @@ use crate::tensors::{TensorError, TensorFile};
 use crate::trainer::{MAX_DIVERGENCES, Progress, Trainer};
 
 /// Version of the format; readers refuse others.
-const FORMAT_VERSION: u32 = 2;
+const FORMAT_VERSION: u32 = 3;
 
 /// No training comes to as many steps; sums of them do not overflow.
 const LARGEST_COUNT: u64 = 1 << 53;

@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use canter_learn::environment::{Environment, StepOutcome};
 use canter_learn::random::{Purpose, stream};
+use canter_sim::variation::Variant;
 use canter_sim::{Accident, Env, Task};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::Rng;
@@ -14,6 +15,20 @@ use crate::blow_up::{BlowUp, Recorder};
 pub fn uniform(rng: &mut ChaCha8Rng) -> f64 {
     const UNIT: f64 = 1.0 / (1_u64 << 53) as f64;
     (rng.next_u64() >> 11) as f64 * UNIT
+}
+
+/// How hard an environment's next episode is, from how hard the last one was and whether it ended well.
+///
+/// ```text
+/// level' = min(level + 1/20, 1) after the time limit or the goal,  max(level - 1/20, 0) after an accident
+/// ```
+///
+/// It stays where it is where half of the episodes end well.
+///
+/// Source: our definition, after the game-inspired curriculum of Rudin et al. 2021.
+fn next_level(level: f64, ended_well: bool) -> f64 {
+    const STEP: f64 = 0.05;
+    (if ended_well { level + STEP } else { level - STEP }).clamp(0.0, 1.0)
 }
 
 /// What an environment did in one iteration.
@@ -36,6 +51,8 @@ pub struct TrainingEnvironment {
     place: (u64, u64),
     /// Number of the next episode; with seed and index it selects the random start.
     next_episode: u64,
+    /// How hard its next episode is, from 0 to 1, see [`next_level`]; 1 without a curriculum.
+    level: f64,
     /// Whether the learner sees the present state in the mirror.
     is_reflected: bool,
     /// The action as the robot gets it.
@@ -52,11 +69,13 @@ impl TrainingEnvironment {
     pub fn new(task: Arc<Task>, seed: u64, index: u64, num_environments: u64) -> Self {
         let place = (index, num_environments);
         let action = vec![0.0; task.num_actions()];
+        let level = if task.variation.has_curriculum() { 0.0 } else { 1.0 };
         Self {
             env: Env::new(task),
             seed,
             place,
             next_episode: 0,
+            level,
             is_reflected: false,
             action,
             travel: Travel::default(),
@@ -65,9 +84,14 @@ impl TrainingEnvironment {
         }
     }
 
+    /// How hard its next episode is, from 0 to 1; none without a curriculum.
+    pub fn level(&self) -> Option<f64> {
+        self.env.task().variation.has_curriculum().then_some(self.level)
+    }
+
     /// Everything that the next step depends on.
     pub fn state(&self) -> Vec<f64> {
-        let mut state = vec![self.next_episode as f64];
+        let mut state = vec![self.next_episode as f64, self.level];
         state.extend(self.env.state());
         state
     }
@@ -77,8 +101,15 @@ impl TrainingEnvironment {
     /// # Errors
     /// A state of another length is refused.
     pub fn set_state(&mut self, state: &[f64], observation: &mut [f32]) -> Result<(), String> {
-        let (next_episode, rest) = state.split_first().ok_or("an environment's state is empty")?;
-        self.next_episode = *next_episode as u64;
+        let [next_episode, level, ref rest @ ..] = *state else {
+            return Err("an environment's state is too short".to_owned());
+        };
+        let can_be = if self.env.task().variation.has_curriculum() { 0.0..=1.0 } else { 1.0..=1.0 };
+        if !can_be.contains(&level) {
+            return Err("an environment's state has a level that cannot be".to_owned());
+        }
+        self.next_episode = next_episode as u64;
+        self.level = level;
         self.env.set_state(rest, observation)?;
         self.recorder.begin(&self.env);
         self.reflect(observation);
@@ -114,7 +145,8 @@ impl Environment for TrainingEnvironment {
         let mut rng = stream(self.seed, Purpose::Reset, index, self.next_episode);
         self.next_episode += 1;
         if self.env.task().variation.is_any() {
-            self.env.vary((index as f64 + uniform(&mut rng)) / num_environments as f64);
+            let place = (index as f64 + uniform(&mut rng)) / num_environments as f64;
+            self.env.vary(Variant { place, level: self.level });
         }
         self.env.reset(&mut || uniform(&mut rng), observation);
         self.recorder.begin(&self.env);
@@ -139,10 +171,26 @@ impl Environment for TrainingEnvironment {
         if let Some(accident) = outcome.terminated {
             self.travel.accidents[accident as usize] += 1;
         }
+        if self.env.task().variation.has_curriculum() && (outcome.terminated.is_some() || outcome.truncated) {
+            self.level = next_level(self.level, outcome.truncated);
+        }
         StepOutcome {
             reward: outcome.reward as f32,
             terminated: outcome.terminated.is_some(),
             truncated: outcome.truncated,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::next_level;
+
+    #[test]
+    fn the_level_follows_the_success_and_stays_between_0_and_1() {
+        assert_eq!(next_level(0.0, false), 0.0);
+        assert_eq!(next_level(0.0, true), 0.05);
+        assert_eq!(next_level(1.0, true), 1.0);
+        assert!((next_level(next_level(0.5, true), false) - 0.5).abs() < 1e-15);
     }
 }

@@ -86,7 +86,7 @@ pub struct Episode {
     pub power_w: f64,
     /// Env steps after the settling time at whose end anything but the feet touched the ground.
     pub body_contact_steps: u32,
-    /// Footfalls after the settling time; none if it ended before.
+    /// Footfalls after the settling time; none if it ended before, or of a robot that has not four legs.
     pub footfall: Option<Footfall>,
     /// Sum of the rewards.
     pub episode_return: f64,
@@ -117,7 +117,7 @@ pub struct GaitReport {
     pub speed_per_step_std_m: f64,
     /// Mean number of env steps in which anything but the feet touched the ground.
     pub body_contact_steps: f64,
-    /// Mean footfalls; none if every episode ended before the settling time.
+    /// Mean footfalls; none if every episode ended before the settling time, or of a robot that has not four legs.
     pub footfall: Option<Footfall>,
     /// Mean mechanical power [W].
     pub power_w: f64,
@@ -170,7 +170,7 @@ pub fn cost_of_transport(power_w: f64, weight_n: f64, speed_m_per_s: f64) -> Opt
 /// Measures one gait; the same settings give every gait the same starts.
 pub fn evaluate(task: &Task, mover: Mover<'_>, settings: &EvaluationSettings, workers: &Workers) -> GaitReport {
     let episodes = run_episodes(task, Env::new, mover, settings, workers);
-    GaitReport::new(&episodes, task.robot.model.total_mass_kg() * task.robot.model.gravity())
+    GaitReport::new(&episodes, task.weight_n())
 }
 
 /// The episodes of one gait, in environments that `new_env` makes: [`Env::new`], or a what-if study's.
@@ -203,7 +203,7 @@ pub(crate) fn evaluation_task(task: &Task, settings: &EvaluationSettings) -> Arc
     let task = task.clone().with_physics_dt_s(settings.physics_dt_s);
     let mut task = task.expect("checked when the configuration was read");
     task.settings.goal_distance_m = None;
-    task.settings.height_margin_m = 0.0;
+    task.settings.height_margin = 0.0;
     task.max_env_steps = (settings.episode_s / task.settings.control_dt_s).round() as u32;
     Arc::new(task)
 }
@@ -233,6 +233,7 @@ pub(crate) fn run_episode(
     let push = push.map(|push| (steps_until(push.at_s), push.velocity_m_per_s));
     let mut settled = None;
     let (mut heights, mut ways_m, mut contacts) = (Vec::new(), Vec::new(), Vec::new());
+    let mut feet = vec![false; task.robot.legs.len()];
     let (mut work_j, mut episode_return, mut body_contact_steps) = (0.0, 0.0, 0);
     let accident = loop {
         if env.env_steps() == settle_steps {
@@ -256,9 +257,8 @@ pub(crate) fn run_episode(
         if outcome.terminated != Some(Accident::Unstable) {
             (end, end_heading) = (env.position_in_ground(), env.heading_rad());
             if settled.is_some() {
-                let mut feet = [false; 4];
                 body_contact_steps += u32::from(env.ground_contacts(&mut feet) > 0);
-                contacts.push(feet);
+                contacts.extend(<[bool; 4]>::try_from(&feet[..]).ok());
                 work_j += outcome.work_j;
                 heights.push(end[2]);
                 ways_m.push(end[0] - before_m);

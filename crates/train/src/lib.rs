@@ -20,6 +20,7 @@ pub mod gait_fit;
 pub mod jobs;
 mod json;
 pub mod policy_file;
+pub mod robustness;
 pub mod run;
 pub mod run_directory;
 pub mod search;

@@ -125,6 +125,7 @@ pub fn metrics(report: &IterationReport) -> Value {
         "accidents": accidents,
         "speed_m_per_s": report.speed_m_per_s,
         "power_w": report.power_w,
+        "difficulty": report.difficulty,
         "mean_std": report.mean_std,
         "policy_loss": update(|update| update.policy_loss),
         "value_loss": update(|update| update.value_loss),

@@ -21,6 +21,7 @@ use crate::blow_up::BlowUp;
 use crate::config::Resolved;
 use crate::environment::TrainingEnvironment;
 use crate::executor::Workers;
+use crate::statistics::mean;
 
 /// Updates of a training that may diverge and be undone; the next one ends it.
 pub(crate) const MAX_DIVERGENCES: u64 = 5;
@@ -54,6 +55,8 @@ pub struct IterationReport {
     pub speed_m_per_s: f64,
     /// Mechanical power over all env steps of the iteration [W].
     pub power_w: f64,
+    /// Mean level of the curriculum over the environments, after the iteration; none without a curriculum.
+    pub difficulty: Option<f64>,
     /// Mean standard deviation of the exploration noise.
     pub mean_std: f64,
     /// Losses and the like; an update that diverged was undone, and the training goes on at half the learning rate.
@@ -251,6 +254,7 @@ impl Trainer {
                 *total += count;
             }
         }
+        let levels: Vec<f64> = self.environments.iter().filter_map(TrainingEnvironment::level).collect();
         let num_samples = self.rollout.num_samples();
         self.progress.iterations += 1;
         self.progress.env_steps += num_samples as u64;
@@ -263,6 +267,7 @@ impl Trainer {
             accidents,
             speed_m_per_s: forward_m / time_s,
             power_w: work_j / time_s,
+            difficulty: (!levels.is_empty()).then(|| mean(&levels)),
             mean_std: log_std.iter().map(|value| f64::from(value.exp())).sum::<f64>() / log_std.len() as f64,
             update,
             blow_ups,

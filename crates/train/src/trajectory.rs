@@ -94,6 +94,9 @@ pub struct Steps {
     pub knee_m: Vec<Vec<[Position; 2]>>,
     /// `(T x L x 3)` the feet's centres.
     pub foot_m: Vec<Vec<Position>>,
+    /// `(T x L)` height of the ground below the feet; absent where the ground is a plane [m].
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub foot_ground_m: Vec<Vec<Rounded>>,
     /// `(T x L)` 1 where the foot touches the ground, else 0.
     pub contact: Vec<Vec<u8>>,
     /// `(T)` contacts of the ground with anything but feet.
@@ -127,6 +130,9 @@ impl Steps {
         self.hip_m.push(of_legs(legs, |leg| leg.hip.map(Rounded)));
         self.knee_m.push(of_legs(legs, |leg| leg.knees.map(|knee| knee.map(Rounded))));
         self.foot_m.push(of_legs(legs, |leg| leg.foot.map(Rounded)));
+        if env.is_on_uneven_ground() {
+            self.foot_ground_m.push(of_legs(legs, |leg| Rounded(env.ground_height_m([leg.foot[0], leg.foot[1]]))));
+        }
         self.contact.push(of_legs(legs, |leg| u8::from(leg.has_contact)));
         self.commanded_swing_rad.push(of_legs(legs, |leg| Rounded(leg.commanded.swing.into())));
         self.commanded_extension_rad.push(of_legs(legs, |leg| Rounded(leg.commanded.extension.into())));

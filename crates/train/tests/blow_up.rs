@@ -21,10 +21,11 @@ fn blown_up() -> (Trainer, IterationReport) {
     let shape = file.shape("environments.state").unwrap().to_vec();
     let mut states = file.get::<f64>("environments.state", &shape).unwrap();
     let task = &trainer.resolved().task;
-    // Number of the next episode, phase, env steps, return, stuck time, slope; then action, commands, time, positions.
+    // Number and level of the next episode, phase, env steps, return, stuck time, place, level and key; then action,
+    // commands, time, positions.
     let delay = task.robot.settings.command_delay_steps as usize;
     let num_positions = task.robot.model.standing_position().len();
-    let first_velocity = 6 + task.num_actions() + (delay + 1) * 2 * task.robot.legs.len() + 1 + num_positions;
+    let first_velocity = 9 + task.num_actions() + (delay + 1) * 2 * task.robot.legs.len() + 1 + num_positions;
     states[ENVIRONMENT * shape[1] + first_velocity + 8] = 1e9;
     let mut poisoned = file.clone();
     poisoned.push("environments.state", &shape, &states);

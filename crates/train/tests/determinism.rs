@@ -18,6 +18,46 @@ const SHARDED: [(&str, &str); 4] = [
     ("task.variation.share", "0.5"),
 ];
 
+/// Everything that may vary.
+const EVERYTHING: [(&str, &str); 18] = [
+    ("task.variation.share", "0.9"),
+    ("task.variation.slope_deg", "[-5.0, 20.0]"),
+    ("task.variation.cross_slope_deg", "[-5.0, 5.0]"),
+    ("task.variation.roughness", "[0.0, 0.1]"),
+    ("task.variation.friction", "[0.5, 1.2]"),
+    ("task.variation.mass_factor", "[0.8, 1.2]"),
+    ("task.variation.com_shift", "0.1"),
+    ("task.variation.strength_factor", "[0.8, 1.2]"),
+    ("task.variation.gain_factor", "[0.8, 1.2]"),
+    ("task.variation.delay_s", "[0.0, 0.03]"),
+    ("task.variation.angle_noise_rad", "0.01"),
+    ("task.variation.velocity_noise_rad_per_s", "0.3"),
+    ("task.variation.orientation_noise_rad", "0.01"),
+    ("task.variation.angular_velocity_noise_rad_per_s", "0.1"),
+    ("task.variation.push_interval_s", "0.3"),
+    ("task.variation.push_velocity", "0.2"),
+    ("task.variation.curriculum", "true"),
+    ("task.ground.patch_friction", "[0.7, 1.1]"),
+];
+
+#[test]
+fn with_everything_varied_threads_and_stops_leave_the_same_bytes() {
+    let folder = TemporaryFolder::new();
+    let (one, four, stopped) = (folder.join("one"), folder.join("four"), folder.join("stopped"));
+    assert_eq!(common::run_in(&one, &EVERYTHING, 1, None), Ending::Finished);
+    assert_eq!(common::run_in(&four, &EVERYTHING, 4, None), Ending::Finished);
+    assert_eq!(common::run_in(&stopped, &EVERYTHING, 2, Some(2)), Ending::Stopped);
+    assert_eq!(common::resume_in(&stopped, 3, None), Ending::Finished);
+    let policy = |run: &std::path::Path| fs::read(run.join("policy.safetensors")).unwrap();
+    for other in [&four, &stopped] {
+        assert!(policy(other) == policy(&one), "{}", other.display());
+        assert_eq!(common::metrics_without_times(other), common::metrics_without_times(&one));
+    }
+    let metrics = common::metrics_without_times(&one);
+    let difficulty = |line: &serde_json::Value| line["difficulty"].as_f64().unwrap();
+    assert!(difficulty(&metrics[4]) > difficulty(&metrics[0]), "no episode of half a second falls: {metrics:?}");
+}
+
 #[test]
 fn one_two_and_three_threads_give_the_same_bytes_and_another_seed_gives_others() {
     let bytes = |num_threads: usize, seed: &str| {

@@ -56,7 +56,7 @@ fn authority_zero_has_exactly_the_speeds_of_the_prior() {
 /// settling time until the accident, and the step of the accident.
 fn walk_again(task: &Arc<Task>, settings: &EvaluationSettings, number: u64, action: &[f32]) -> (f64, Option<u32>) {
     let mut judged = Task::clone(task).with_physics_dt_s(settings.physics_dt_s).unwrap();
-    judged.settings.height_margin_m = 0.0;
+    judged.settings.height_margin = 0.0;
     let mut env = Env::new(Arc::new(judged));
     let mut observation = vec![0.0; task.num_observations()];
     let mut rng = stream(settings.seed, Purpose::Evaluation, 0, number);

@@ -13,10 +13,12 @@ use canter_train::trainer::{IterationReport, Trainer};
 #[test]
 fn every_preset_resolves_and_its_commented_output_reads_back_equal() {
     let names: Vec<_> = preset_names().collect();
-    assert_eq!(names, ["doggo", "paper", "minitaur", "q8bot", "quad12", "hexapod", "octopod"]);
-    assert!(names.contains(&DEFAULT_PRESET));
+    let own = ["doggo", "paper", "minitaur", "q8bot", "quad12", "hexapod", "octopod"];
+    let robust = own.iter().filter(|name| **name != "paper").map(|name| format!("{name}-robust"));
+    assert_eq!(names, own.iter().map(|name| (*name).to_owned()).chain(robust).collect::<Vec<_>>());
+    assert!(names.contains(&DEFAULT_PRESET.to_owned()));
     for name in names {
-        let config = resolve(&open_preset(name).unwrap()).unwrap().config;
+        let config = resolve(&open_preset(&name).unwrap()).unwrap().config;
         let text = write_commented(&config);
         let again = Document::parse("again.toml", text.as_bytes()).unwrap();
         assert_eq!(again.read::<RunConfig>().unwrap(), config, "{name}");
@@ -27,9 +29,13 @@ fn every_preset_resolves_and_its_commented_output_reads_back_equal() {
 /// Leaving any line out of a preset is an error that names the key, but for the keys that may be absent.
 #[test]
 fn presets_are_complete() {
-    const OPTIONAL: [&str; 7] = [
+    const OPTIONAL: [&str; 11] = [
         "task.goal_distance_m",
+        "task.cross_slope_deg",
         "task.friction",
+        "task.mass_factor",
+        "task.strength_factor",
+        "task.delay_s",
         "task.variation.share",
         "task.variation.slope_deg",
         "ppo.final_learning_rate",

@@ -260,3 +260,30 @@ fn numbers_are_written_with_four_digits_and_without_a_negative_zero() {
     assert_eq!(written(-0.000_04), "0.0");
     assert_eq!(written(1e-5), "0.0");
 }
+
+#[test]
+fn on_uneven_ground_the_height_below_the_feet_is_recorded() {
+    let recorded = |ground: &[(&str, &str)]| {
+        let resolved = common::tiny(ground);
+        record(&resolved.task, Mover::Prior, &resolved.config.evaluation, "sine", "sine")
+    };
+    let flat = recorded(&[]);
+    assert!(flat.steps.foot_ground_m.is_empty());
+    let rough = recorded(&[("task.ground.roughness", "0.2")]).steps;
+    assert_eq!(rough.foot_ground_m.len(), rough.time_s.len());
+    let heights = || rough.foot_ground_m.iter().flatten().map(|height| height.0);
+    // At most 0.2 of 0.17 m.
+    assert!(heights().all(|height| (0.0..=0.034_001).contains(&height)));
+    assert!(heights().any(|height| height > 0.01));
+    for step in 0..rough.time_s.len() {
+        for leg in (0..4).filter(|&leg| rough.contact[step][leg] == 1) {
+            let above = rough.foot_m[step][leg][2].0 - rough.foot_ground_m[step][leg].0;
+            // The foot's radius is 15 mm, of which a landing takes some; beside a bump its centre is a little higher above the ground straight below.
+            assert!(
+                (0.005..0.025).contains(&above),
+                "{above} in step {step} under leg {leg}, {:?}",
+                rough.foot_m[step][leg]
+            );
+        }
+    }
+}

@@ -13,7 +13,7 @@ use crate::output::say;
 pub fn config(args: &ConfigArgs) -> Result<ExitCode, CliError> {
     let Some(preset) = &args.preset else {
         for name in preset_names() {
-            say(&if name == DEFAULT_PRESET { format!("{name} (default)") } else { name.to_owned() });
+            say(&if name == DEFAULT_PRESET { format!("{name} (default)") } else { name });
         }
         return Ok(ExitCode::SUCCESS);
     };

@@ -11,6 +11,7 @@ pub mod report;
 pub mod robot_check;
 pub mod robot_new;
 pub mod robots;
+pub mod robustness;
 pub mod sweep;
 pub mod train;
 pub mod view;

@@ -68,7 +68,7 @@ impl Env {
             legs: legs.collect(),
             num_body_contacts,
             torques_nm: self.buffers.torques[..2 * robot.legs.len()].to_vec(),
-            motor_velocities_rad_per_s: self.sensed.motor_velocities.iter().map(|&value| f64::from(value)).collect(),
+            motor_velocities_rad_per_s: self.actual.velocities.iter().map(|&value| f64::from(value)).collect(),
         }
     }
 }

@@ -166,6 +166,12 @@ impl Painter {
         Self { data: MjData::new(model), scene, option, context, gl, picture, sunlight: look.sunlight }
     }
 
+    /// Puts the floor's middle at this point of the plane z = 0 [m].
+    pub fn move_floor(&mut self, floor: usize, [x, y]: [f64; 2]) {
+        // SAFETY: only where a geom is changes; no size, index or address does.
+        unsafe { self.data.model_mut() }.geom_pos_mut()[floor] = [x, y, 0.0];
+    }
+
     /// Puts the model into a pose.
     ///
     /// # Shapes

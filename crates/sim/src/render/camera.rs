@@ -73,7 +73,7 @@ mod tests {
     fn gravity_points_straight_down_in_the_picture() {
         for slope_rad in [-0.3, 0.0, 0.35] {
             let camera = beside([1.0, -2.0], 0.3, slope_rad);
-            let gravity = frame::gravity_in_ground(9.81, slope_rad);
+            let gravity = frame::gravity_in_ground(9.81, [slope_rad, 0.0]);
             assert!(dot(right(&camera), gravity).abs() < 1e-12 && dot(camera.up, gravity) < -9.0, "{slope_rad}");
             assert!(dot(camera.forward, camera.up).abs() < 1e-12);
         }

@@ -3,9 +3,11 @@
 mod camera;
 pub(crate) mod gl;
 
+use std::sync::Arc;
+
 use crate::env::Env;
-use crate::mujoco::Simulation;
 use crate::mujoco::painter::{Area, Letters, Look, MAX_MARKS, Mark, Painter};
+use crate::mujoco::{Model, Simulation};
 use crate::robot::Robot;
 
 use self::gl::GlContext;
@@ -23,19 +25,38 @@ pub enum RenderError {
 
 /// What has to be known to draw a robot: its generalised positions, `qpos`.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Pose(Vec<f64>);
+pub struct Pose {
+    qpos: Vec<f64>,
+    /// Where the middle of uneven ground lies: forward, left [m].
+    ground: [f64; 2],
+}
 
 impl Pose {
     /// `(nq)` [m, rad].
     pub(crate) fn qpos(&self) -> &[f64] {
-        &self.0
+        &self.qpos
+    }
+}
+
+/// Uneven ground of an episode, to be drawn.
+#[derive(Clone, Debug)]
+pub struct Terrain(Arc<Model>);
+
+impl PartialEq for Terrain {
+    fn eq(&self, other: &Self) -> bool {
+        self.0.raw().hfield_data() == other.0.raw().hfield_data()
     }
 }
 
 impl Env {
     /// The robot's pose, after a reset or a step.
     pub fn pose(&self) -> Pose {
-        Pose(self.simulation().qpos().to_vec())
+        Pose { qpos: self.simulation().qpos().to_vec(), ground: self.ground_middle() }
+    }
+
+    /// The ground of this episode, to be [drawn](Renderer::on_terrain); none if it is even.
+    pub fn terrain(&self) -> Option<Terrain> {
+        self.is_on_uneven_ground().then(|| Terrain(Arc::new(self.simulation().to_model())))
     }
 }
 
@@ -93,6 +114,8 @@ pub struct Renderer {
     /// The robot's size: the greatest distance of anything on it from the body's centre [m].
     reach_m: f64,
     slope_rad: f64,
+    /// The ground's geom if it is uneven, and so has no lines.
+    uneven_floor: Option<usize>,
     rgb: Vec<u8>,
 }
 
@@ -104,7 +127,17 @@ impl Renderer {
     pub fn new(robot: &Robot, size: [u32; 2], slope_rad: f64) -> Result<Self, RenderError> {
         let reach_m = reach_m(robot);
         let painter = Painter::new(GlContext::new()?, &robot.model, robot.floor, reach_m, &LOOK, size);
-        Ok(Self { painter, size, reach_m, slope_rad, rgb: Vec::new() })
+        Ok(Self { painter, size, reach_m, slope_rad, uneven_floor: None, rgb: Vec::new() })
+    }
+
+    /// The same on an episode's uneven ground.
+    ///
+    /// # Errors
+    /// There is no OpenGL that draws without a window; says what to install.
+    pub fn on_terrain(robot: &Robot, terrain: &Terrain, size: [u32; 2], slope_rad: f64) -> Result<Self, RenderError> {
+        let reach_m = reach_m(robot);
+        let painter = Painter::new(GlContext::new()?, &terrain.0, robot.floor, reach_m, &LOOK, size);
+        Ok(Self { painter, size, reach_m, slope_rad, uneven_floor: Some(robot.floor), rgb: Vec::new() })
     }
 
     /// Draws the panels from left to right. Row by row from the top, three bytes a pixel: red, green, blue.
@@ -124,6 +157,9 @@ impl Renderer {
     fn draw_panel(&mut self, area: Area, panel: &Panel<'_>) {
         let camera = camera::beside(panel.target, self.reach_m, self.slope_rad);
         let sun = camera::sun_above(panel.target, self.reach_m);
+        if let Some(floor) = self.uneven_floor {
+            self.painter.move_floor(floor, panel.pose.ground);
+        }
         self.painter.pose(panel.pose.qpos());
         self.painter.draw(area, &camera, &sun, &self.marks(panel.target));
         self.painter.write(panel.title, Letters::Large, [0.03, 0.91], TEXT_RGB);
@@ -136,7 +172,9 @@ impl Renderer {
         let haze_m = LINES_REACH * self.reach_m;
         let reach_m = haze_m.min(MAX_LINES as f64 / 2.0 * LINE_SPACING_M);
         let mut marks = Vec::new();
-        for axis in [0, 1] {
+        // Lines would lie inside of bumps.
+        let axes = if self.uneven_floor.is_some() { &[][..] } else { &[0, 1] };
+        for &axis in axes {
             let first = ((target[axis] - reach_m) / LINE_SPACING_M).ceil() as i64;
             let last = ((target[axis] + reach_m) / LINE_SPACING_M).floor() as i64;
             for number in first..=last {

@@ -164,10 +164,10 @@ pub(super) fn assemble(
         }
     }
     problems.clone().finish(())?;
-    let (Some(root), Some(floor)) = (root, floor) else {
+    let (Some(root), Some(floor), Some(trunk)) = (root, floor, body) else {
         unreachable!("a missing free joint or floor is a problem");
     };
-    let robot = Robot { settings, model, legs, gaits, fingerprint, leg_addresses, held, floor, root };
+    let robot = Robot { settings, model, legs, gaits, fingerprint, leg_addresses, held, floor, root, trunk };
     check_kinematics(&robot, &mut problems);
     Ok(problems.finish(robot)?)
 }

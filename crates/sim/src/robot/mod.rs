@@ -114,6 +114,8 @@ pub struct Robot {
     pub(crate) floor: usize,
     /// Places in `qpos` and `qvel` of the body's free joint.
     pub(crate) root: (usize, usize),
+    /// The body that floats.
+    pub(crate) trunk: usize,
 }
 
 /// A robot and the files that it was read from.

@@ -1,7 +1,5 @@
 //! What is compared, and by which rules: the gaits, their budgets, how they are measured.
 
-use std::sync::Arc;
-
 use canter_sim::Task;
 use serde::{Deserialize, Serialize};
 
@@ -270,11 +268,8 @@ impl Quantity {
         match self {
             Self::Slope => task.settings.slope_deg = value,
             Self::Friction => task.settings.friction = Some(value),
-            Self::Mass => Arc::make_mut(&mut task.robot).model.scale_masses(value),
-            Self::Delay => {
-                let steps = (value / task.settings.control_dt_s).round() as u32;
-                Arc::make_mut(&mut task.robot).settings.command_delay_steps = steps;
-            }
+            Self::Mass => task.settings.mass_factor = Some(value),
+            Self::Delay => task.settings.delay_s = Some(value),
             Self::Push => push = Some(Push { at_s: PUSH_AT_S, velocity_m_per_s: value }),
         }
         (task, push)
@@ -421,10 +416,10 @@ mod tests {
     #[test]
     fn a_sweep_changes_what_it_says() {
         let task = Rung::Sine.resolved(&CompareSettings::quick(1, 1), 1).unwrap().task;
-        let mass = |task: &Task| task.robot.model.total_mass_kg();
+        let mass = |task: &Task| task.weight_n() / task.robot.model.gravity();
         let (heavy, push) = Quantity::Mass.applied(&task, 1.3);
         assert!((mass(&heavy) / mass(&task) - 1.3).abs() < 1e-12 && push.is_none());
-        assert_eq!(Quantity::Delay.applied(&task, 0.03).0.robot.settings.command_delay_steps, 3);
+        assert_eq!(Quantity::Delay.applied(&task, 0.03).0.settings.delay_s, Some(0.03));
         assert_eq!(Quantity::Slope.applied(&task, 20.0).0.settings.slope_deg, 20.0);
         assert_eq!(Quantity::Friction.applied(&task, 0.3).0.settings.friction, Some(0.3));
         assert_eq!(Quantity::Push.applied(&task, 0.6).1.unwrap().velocity_m_per_s, 0.6);

@@ -128,7 +128,11 @@ pub fn film(
     go_on: &mut dyn FnMut(usize) -> bool,
 ) -> Result<bool, FilmError> {
     let slope_deg = takes.first().map_or(0.0, |take| take.slope_deg);
-    let mut renderer = Renderer::new(robot, settings.size, slope_deg.to_radians())?;
+    // Every gait walks from the same start, and so on the same ground.
+    let mut renderer = match takes.first().and_then(|take| take.terrain.as_ref()) {
+        Some(terrain) => Renderer::on_terrain(robot, terrain, settings.size, slope_deg.to_radians())?,
+        None => Renderer::new(robot, settings.size, slope_deg.to_radians())?,
+    };
     let num_frames = settings.clock.num_frames();
     let samples = || {
         let numbers = (0..NUM_SAMPLES).map(|i| i * num_frames / NUM_SAMPLES);

@@ -1,6 +1,6 @@
 //! One gait's part of a film: the evaluation's first episode, seen at the film's clock.
 
-use canter_sim::render::Pose;
+use canter_sim::render::{Pose, Terrain};
 use canter_sim::{Accident, Env, Task};
 
 use super::FilmError;
@@ -31,6 +31,8 @@ pub struct Take {
     pub label: String,
     /// Slope of the ground, positive uphill [deg].
     pub slope_deg: f64,
+    /// What the ground is like; none: it is even.
+    pub terrain: Option<Terrain>,
     /// The accident that ended the episode, and when [s].
     pub accident: Option<(Accident, f64)>,
     /// What each picture shows.
@@ -93,6 +95,7 @@ pub fn shoot(
     Ok(Take {
         label: label.to_owned(),
         slope_deg: task.settings.slope_deg,
+        terrain: env.terrain(),
         accident: episode.accident.map(|accident| (accident, end_s)),
         shots: (0..clock.num_frames()).map(|number| shot(&moments, control_dt_s, clock, number)).collect(),
     })

@@ -42,7 +42,7 @@ impl Drop for TemporaryFolder {
 /// last.
 pub fn tiny(changes: &[(&str, &str)]) -> Resolved {
     const TINY: [(&str, &str); 14] = [
-        ("task.height_margin_m", "0.0"),
+        ("task.height_margin", "0.0"),
         ("task.episode_s", "0.5"),
         ("task.variation.share", "0.0"),
         ("network.actor_hidden", "16"),

@@ -245,13 +245,13 @@ fn contents_of_dumps() {
     let shape = checkpoint.shape("environments.state").unwrap().to_vec();
     let states = checkpoint.get::<f64>("environments.state", &shape).unwrap();
     let metadata = serde_json::json!({
-        "dump_version": 1,
+        "dump_version": 2,
         "environment": 0,
         "iteration": 1,
         "robot_fingerprint": format!("{:016x}", task.robot.fingerprint),
     });
     let mut dump = TensorFile::new(metadata.to_string());
-    dump.push("state", &[shape[1] - 1], &states[1..shape[1]]);
+    dump.push("state", &[shape[1] - 2], &states[2..shape[1]]);
     dump.push("actions", &[2 * task.num_actions()], &vec![0.5_f32; 2 * task.num_actions()]);
     let valid = [dump.to_bytes()];
     let read = |bytes: &[u8]| {

@@ -29,7 +29,9 @@ fn every_preset_resolves_and_its_commented_output_reads_back_equal() {
 /// Leaving any line out of a preset is an error that names the key, but for the keys that may be absent.
 #[test]
 fn presets_are_complete() {
-    const OPTIONAL: [&str; 11] = [
+    const OPTIONAL: [&str; 13] = [
+        "policy.ranges.extension_amplitude_rad",
+        "policy.ranges.extension_offset_rad",
         "task.goal_distance_m",
         "task.cross_slope_deg",
         "task.friction",

@@ -35,7 +35,7 @@ const RULES: [Rule; 9] = [
     Rule {
         folder: "crates/export",
         package: "canter-export",
-        may_use: Ours::These(&["canter-train", "canter-gait"]),
+        may_use: Ours::These(&["canter-train", "canter-sim", "canter-gait"]),
         may_print: false,
     },
     Rule { folder: "crates/cli", package: "canter", may_use: Ours::Any, may_print: true },

@@ -90,12 +90,13 @@ fn header(exported: &Exported<'_>) -> String {
 
 /// A name without what could end a string or a comment: names come from files that anybody may have made.
 pub(crate) fn plain(name: &str) -> String {
-    name.chars().map(|letter| if letter.is_ascii_alphanumeric() || " ,._-+".contains(letter) { letter } else { '_' }).collect()
+    name.chars()
+        .map(|letter| if letter.is_ascii_alphanumeric() || " ,._-+".contains(letter) { letter } else { '_' })
+        .collect()
 }
 
 fn source(exported: &Exported<'_>) -> String {
-    let blocks: Vec<String> =
-        exported.controller().blocks().iter().map(|block| block.name().to_uppercase()).collect();
+    let blocks: Vec<String> = exported.controller().blocks().iter().map(|block| block.name().to_uppercase()).collect();
     let mirror = exported.task().mirror_maps();
     let components = |components: &[Component]| {
         components.iter().map(|from| format!("{{{}, {}}}", from.source, from.sign)).collect::<Vec<_>>().join(", ")
@@ -239,9 +240,7 @@ fn half_separation(leg: &Leg) -> f32 {
 /// One entry of the table of legs.
 fn leg(index: usize, leg: &Leg, part: &LegGait, modulation: Modulation) -> String {
     let (kind, upper, lower, stance, knee_side) = match leg.geometry {
-        LegGeometry::FiveBar(leg) => {
-            ("FIVE_BAR", leg.upper_link_m(), leg.lower_link_m(), leg.stance_half_angle(), 0.0)
-        }
+        LegGeometry::FiveBar(leg) => ("FIVE_BAR", leg.upper_link_m(), leg.lower_link_m(), leg.stance_half_angle(), 0.0),
         LegGeometry::Serial(leg) => {
             let side = if leg.knee_in_front() { 1.0 } else { -1.0 };
             ("SERIAL", leg.upper_link_m(), leg.lower_link_m(), leg.stance_half_angle(), side)
@@ -260,8 +259,7 @@ fn leg(index: usize, leg: &Leg, part: &LegGait, modulation: Modulation) -> Strin
         }
         Waveform::Stepping(trajectory) => {
             let p = trajectory.parameters();
-            stepping =
-                [p.stance_height_m, p.down_amplitude_m, p.up_amplitude_m, p.flight_fraction, p.step_length_m];
+            stepping = [p.stance_height_m, p.down_amplitude_m, p.up_amplitude_m, p.flight_fraction, p.step_length_m];
             let defaults = trajectory.defaults();
             span = [
                 [defaults.swing_offset, defaults.extension_offset],

@@ -48,8 +48,7 @@ impl Readings {
 
     /// All numbers one after the other, `(2 M + 6)`: as the C export's `canter_sensors` has them, without the age.
     pub fn flat(&self) -> Vec<f32> {
-        let parts =
-            [&self.motor_angles[..], &self.motor_velocities, &self.orientation, &self.angular_velocity_in_body];
+        let parts = [&self.motor_angles[..], &self.motor_velocities, &self.orientation, &self.angular_velocity_in_body];
         parts.concat()
     }
 }
@@ -128,14 +127,7 @@ impl<'a> Exported<'a> {
         let (mut clock, mut targets) = (PhaseClock::at(phase), vec![0.0; controller.num_motors()]);
         let mut memory = buffers.memory();
         let workspace = &mut memory.workspace;
-        controller.step(
-            &self.policy(),
-            &readings.sensors(),
-            &mut clock,
-            self.control_dt_s(),
-            workspace,
-            &mut targets,
-        );
+        controller.step(&self.policy(), &readings.sensors(), &mut clock, self.control_dt_s(), workspace, &mut targets);
         TestVector {
             readings,
             phase,

@@ -7,5 +7,6 @@
 pub mod c;
 pub mod exported;
 mod numbers;
+pub mod onnx;
 
 pub use exported::Exported;

@@ -149,14 +149,7 @@ impl<'a> Runtime<'a> {
             }
             return Mode::Standing;
         }
-        self.controller.step(
-            &self.policy,
-            &reading.sensors,
-            &mut self.clock,
-            dt_s,
-            &mut memory.workspace,
-            targets,
-        );
+        self.controller.step(&self.policy, &reading.sensors, &mut self.clock, dt_s, &mut memory.workspace, targets);
         if self.share < 1.0 {
             for (target, base) in targets.iter_mut().zip(&*memory.base) {
                 *target = *base + self.share * (*target - *base);

@@ -173,7 +173,8 @@ pub fn record(exported: &Exported<'_>, count: usize) -> Vec<TestVector> {
 
 /// The inputs, one record after the other: readings, phase, previous action; `f32`, little-endian.
 pub fn inputs(vectors: &[TestVector]) -> Vec<u8> {
-    let record = |vector: &TestVector| [vector.readings.flat(), vec![vector.phase], vector.previous_action.clone()].concat();
+    let record =
+        |vector: &TestVector| [vector.readings.flat(), vec![vector.phase], vector.previous_action.clone()].concat();
     vectors.iter().flat_map(record).flat_map(f32::to_le_bytes).collect()
 }
 
@@ -181,7 +182,8 @@ pub fn inputs(vectors: &[TestVector]) -> Vec<u8> {
 /// error of a target [rad].
 pub fn compare(name: &str, vectors: &[TestVector], outputs: &[u8]) -> f32 {
     let values: Vec<f32> = outputs.chunks_exact(4).map(|bytes| f32::from_le_bytes(bytes.try_into().unwrap())).collect();
-    let expected = |vector: &TestVector| [vector.targets.clone(), vec![vector.next_phase], vector.action.clone()].concat();
+    let expected =
+        |vector: &TestVector| [vector.targets.clone(), vec![vector.next_phase], vector.action.clone()].concat();
     let width = expected(&vectors[0]).len();
     assert_eq!(values.len(), width * vectors.len(), "{name}: number of outputs");
     let mut largest = [0.0_f32; 3];
@@ -202,14 +204,21 @@ pub fn compare(name: &str, vectors: &[TestVector], outputs: &[u8]) -> f32 {
     let (low, high) = actions().fold((0.0_f32, 0.0_f32), |(low, high), &value| (low.min(value), high.max(value)));
     assert!(low < -0.4 && high > 0.4, "{name}: actions from {low} to {high} try too little");
     let [targets, phase, action] = largest;
-    println!("{name}: {} steps agree; largest error: target {targets:.1e} rad, phase {phase:.1e}, action {action:.1e}", vectors.len());
+    println!(
+        "{name}: {} steps agree; largest error: target {targets:.1e} rad, phase {phase:.1e}, action {action:.1e}",
+        vectors.len()
+    );
     targets
 }
 
 /// Runs a program on bytes and returns what it prints.
 pub fn pipe(mut program: Command, input: &[u8]) -> Vec<u8> {
     let name = program.get_program().to_string_lossy().into_owned();
-    let mut child = program.stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().unwrap_or_else(|error| panic!("cannot run {name}: {error}"));
+    let mut child = program
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .spawn()
+        .unwrap_or_else(|error| panic!("cannot run {name}: {error}"));
     let mut stdin = child.stdin.take().unwrap();
     let input = input.to_vec();
     let writer = std::thread::spawn(move || stdin.write_all(&input));
@@ -235,12 +244,12 @@ pub fn compile_c(exported: &Exported<'_>, folder: &Path, compiler: &str, flags: 
     fs::write(folder.join("repeat.c"), include_str!("repeat.c")).unwrap();
     let program = folder.join("repeat");
     const STRICT: [&str; 6] = ["-std=c99", "-pedantic", "-Wall", "-Wextra", "-Werror", "-Wconversion"];
-    succeed(
-        Command::new(compiler)
-            .current_dir(folder)
-            .args(STRICT)
-            .args(flags)
-            .args([canter_export::c::SOURCE_NAME, "repeat.c", "-o", "repeat", "-lm"]),
-    );
+    succeed(Command::new(compiler).current_dir(folder).args(STRICT).args(flags).args([
+        canter_export::c::SOURCE_NAME,
+        "repeat.c",
+        "-o",
+        "repeat",
+        "-lm",
+    ]));
     program
 }

@@ -56,6 +56,14 @@ pub enum CliError {
          and then run `target/release/canter view {0}`; or write a film with `{1} film {0}`"
     )]
     NoViewer(String, String),
+    #[error(
+        "nothing was exported, the replay broke {} of {}:\n{}\nThese limits protect the robot; --allow-unsafe writes the \
+         files all the same",
+        if .0.len() == 1 { "a limit".to_owned() } else { format!("{} limits", .0.len()) }, .1, .0.join("\n")
+    )]
+    Unsafe(Vec<String>, String),
+    #[error("{0} never walked through a whole cycle, so there is no gait to write down")]
+    NoCycle(String),
     #[error("several runs need a folder for their report; give one with --out DIR")]
     ReportNeedsOut,
     #[error(

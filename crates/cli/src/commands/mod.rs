@@ -4,6 +4,7 @@ pub mod compare;
 pub mod compile_model;
 pub mod config;
 pub mod eval;
+pub mod export;
 pub mod film;
 pub mod gait;
 pub mod replay;

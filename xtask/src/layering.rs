@@ -388,7 +388,7 @@ rayon = []
             ("canter-train", "mujoco-rs", "only canter-sim may use mujoco-rs"),
             ("canter", "mujoco-rs", "only canter-sim may use mujoco-rs"),
             ("canter-report", "canter-gait", "may use none of our packages"),
-            ("canter-export", "canter-sim", "may use only canter-train, canter-gait"),
+            ("canter-export", "canter-report", "may use only canter-train, canter-sim, canter-gait"),
             ("xtask", "clap", "uses only std, not clap"),
         ] {
             let found = complaints(package, &format!("[dependencies]\n{dependency}.workspace = true\n"));

@@ -6,9 +6,7 @@ use std::fs;
 use std::process::Command;
 
 use canter_export::Exported;
-use canter_export::exported::Running;
-use canter_gait::{Mode, RuntimeSettings};
-use common::{CASES, TemporaryFolder, case, compare, compile_c, inputs, pipe, record, succeed};
+use common::{CASES, TemporaryFolder, case, compare, compare_walk, compile_c, inputs, pipe, record, succeed};
 
 #[test]
 fn c_repeats_every_geometry_waveform_and_modulation() {
@@ -46,40 +44,7 @@ fn c_ramps_holds_and_stops_as_the_runtime_does() {
     compile_c(&exported, folder.path(), "cc", &["-O1"]);
     fs::write(folder.join("walk.c"), include_str!("common/walk.c")).unwrap();
     succeed(Command::new("cc").current_dir(folder.path()).args(["canter_policy.c", "walk.c", "-o", "walk", "-lm"]));
-    let readings = &exported.test_vectors()[3].readings;
-    let script: Vec<(bool, f32)> = (0..400)
-        .map(|step| match step {
-            0..10 => (false, 0.0),
-            10..100 => (true, 0.04),
-            100..110 => (true, 0.2),
-            110..115 => (true, f32::NAN),
-            115..240 => (true, 0.0),
-            240..250 => (false, 0.0),
-            250..260 => (true, 0.0),
-            _ => (false, 0.0),
-        })
-        .collect();
-    let input: Vec<u8> = script
-        .iter()
-        .flat_map(|&(walk, age_s)| [readings.flat(), vec![age_s, f32::from(u8::from(walk))]].concat())
-        .flat_map(f32::to_le_bytes)
-        .collect();
-    let output = pipe(Command::new(folder.join("walk")), &input);
-    let mut running = Running::new(&exported, RuntimeSettings::DEFAULT);
-    let num_motors = running.targets().len();
-    let rows: Vec<f32> = output.chunks_exact(4).map(|bytes| f32::from_le_bytes(bytes.try_into().unwrap())).collect();
-    assert_eq!(rows.len(), script.len() * (num_motors + 1));
-    let mut modes = Vec::new();
-    for (step, (&(walk, age_s), row)) in script.iter().zip(rows.chunks_exact(num_motors + 1)).enumerate() {
-        running.walk(walk);
-        let mode = running.step(readings.sensors(), age_s);
-        assert_eq!(Mode::ALL[row[num_motors] as usize], mode, "step {step}");
-        for (own, expected) in row.iter().zip(running.targets()) {
-            assert!((own - expected).abs() < common::LIMIT, "step {step}: {own} instead of {expected}");
-        }
-        modes.push(mode);
-    }
-    assert!(Mode::ALL.iter().all(|mode| modes.contains(mode)), "{modes:?}");
+    compare_walk(&exported, Command::new(folder.join("walk")));
 }
 
 #[test]

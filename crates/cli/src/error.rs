@@ -1,5 +1,7 @@
 //! The one place where errors meet.
 
+use std::path::PathBuf;
+
 use canter_report::ReportError;
 use canter_sim::RobotError;
 #[cfg(feature = "view")]
@@ -64,6 +66,10 @@ pub enum CliError {
     Unsafe(Vec<String>, String),
     #[error("{0} never walked through a whole cycle, so there is no gait to write down")]
     NoCycle(String),
+    #[error("{}: the robot cannot be reached: {source}", .path.display())]
+    Port { path: PathBuf, source: std::io::Error },
+    #[error("no gait of few parameters is near the learned one: {0}")]
+    NoFit(FitError),
     #[error("several runs need a folder for their report; give one with --out DIR")]
     ReportNeedsOut,
     #[error(

@@ -149,17 +149,21 @@ fn data(exported: &Exported<'_>) -> String {
     let has_stepping = any_wave(|wave| matches!(wave, Waveform::Stepping(_)));
     let has_joints = any_leg(|leg| matches!(leg.actuators, Actuators::Joints(_)));
     // Geometry is code only where something has to be converted.
-    let converts = has_joints || law.modulation == Modulation::Direct;
+    let is_direct = law.modulation == Modulation::Direct;
+    let converts = has_joints || is_direct;
+    // From motor angles to leg space, as what a residual has moved.
+    let converts_back = is_direct || (law.modulation == Modulation::Residual && has_joints);
     define("CANTER_HAS_MIRROR", flag(exported.task().mirror_maps().is_some()));
     define("CANTER_HAS_JOINTS", flag(has_joints));
     define("CANTER_HAS_SERIAL", flag(has_serial && converts));
     define("CANTER_HAS_SEPARATED_HIPS", flag(has_separated && converts));
     define("CANTER_HAS_STEPPING", flag(has_stepping));
     define("CANTER_HAS_TABLE", flag(any_wave(|wave| matches!(wave, Waveform::Table(_)))));
-    let direct_serial = has_serial && law.modulation == Modulation::Direct;
-    let has_triangles = has_stepping || (has_separated && converts) || direct_serial;
+    let has_triangles = has_stepping || (has_separated && converts) || (has_serial && converts_back);
     define("CANTER_HAS_TRIANGLES", flag(has_triangles));
+    define("CANTER_CONVERTS_BACK", flag(converts_back));
     define("AUTHORITY", c(law.authority));
+    define("RESIDUAL_REACH", c(law.authority * law.residual_bound_rad));
     define("FREQUENCY_HZ", c(gait.stride_frequency_hz));
     define("TABLE_POINTS", TABLE_POINTS.to_string());
     if let Some(maps) = exported.task().mirror_maps() {

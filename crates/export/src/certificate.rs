@@ -13,7 +13,7 @@ use crate::safety::{Check, Measured, Thresholds, check, max_frequency_hz};
 use crate::table::OpenLoop;
 
 /// Version of the certificate's JSON form.
-const FORMAT_VERSION: u32 = 1;
+pub const FORMAT_VERSION: u32 = 1;
 
 /// What a replay showed.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -22,6 +22,8 @@ pub struct Certificate {
     pub format_version: u32,
     /// What was exported.
     pub format: &'static str,
+    /// Whether it runs without sensors.
+    pub is_open_loop: bool,
     /// The robot.
     pub robot: String,
     /// Hexadecimal, as in the policy's file.
@@ -149,6 +151,7 @@ pub fn certify(
     Certificate {
         format_version: FORMAT_VERSION,
         format: candidate.format,
+        is_open_loop: candidate.open_loop.is_some(),
         robot: card.robot.name.clone(),
         robot_fingerprint: card.robot.fingerprint.clone(),
         gait: card.gait.name.clone(),

@@ -26,6 +26,16 @@ pub struct Readings {
 }
 
 impl Readings {
+    /// All of them 0.
+    pub fn zero(num_motors: usize) -> Self {
+        Self {
+            motor_angles: vec![0.0; num_motors],
+            motor_velocities: vec![0.0; num_motors],
+            orientation: [0.0; 3],
+            angular_velocity_in_body: [0.0; 3],
+        }
+    }
+
     /// The same readings, kept.
     pub fn of(sensors: &Sensors<'_>) -> Self {
         Self {
@@ -110,7 +120,7 @@ impl<'a> Exported<'a> {
 
     /// Names of the actuators, `(M)`, in the order of the targets.
     pub fn actuators(&self) -> Vec<&'a str> {
-        self.task.robot.settings.legs.iter().flat_map(|leg| leg.actuators()).map(String::as_str).collect()
+        self.task.robot.actuators().collect()
     }
 
     /// What a file that was made from it is called in its first line.
@@ -145,12 +155,7 @@ impl<'a> Exported<'a> {
         let (num_motors, num_actions) = (controller.num_motors(), controller.num_actions());
         let vector = |k: usize| {
             let spread = |i: usize| ((7 * i + 3 * k) % 9) as f32 * 0.5 - 2.0;
-            let mut readings = Readings {
-                motor_angles: vec![0.0; num_motors],
-                motor_velocities: vec![0.0; num_motors],
-                orientation: [0.0; 3],
-                angular_velocity_in_body: [0.0; 3],
-            };
+            let mut readings = Readings::zero(num_motors);
             let mut start = 0;
             for block in controller.blocks() {
                 let len = block.len(num_motors, num_actions);

@@ -1,9 +1,9 @@
 //! The exported thing walks in the simulator, from standing, and somebody takes notes.
 
-use canter_gait::{PhaseClock, RuntimeSettings, Sensors};
+use canter_gait::{PhaseClock, RuntimeSettings};
 use canter_sim::Env;
 use canter_train::config::EvaluationSettings;
-use canter_train::evaluate::{Driver, Episode, Mover, Watcher, watch_episodes};
+use canter_train::evaluate::{Drive, Driver, Episode, Mover, Watcher, watch_episodes};
 use canter_train::executor::Workers;
 
 use crate::exported::{Exported, Running};
@@ -27,7 +27,7 @@ pub enum Subject<'a> {
 }
 
 impl Driver for Exported<'_> {
-    fn start(&self) -> Box<dyn FnMut(&Sensors<'_>, &mut [f32]) + '_> {
+    fn start(&self) -> Box<Drive<'_>> {
         let mut running = Running::new(self, RuntimeSettings::DEFAULT);
         running.walk(true);
         Box::new(move |sensors, targets| {
@@ -45,7 +45,7 @@ struct OpenLoopDriver<'a> {
 }
 
 impl Driver for OpenLoopDriver<'_> {
-    fn start(&self) -> Box<dyn FnMut(&Sensors<'_>, &mut [f32]) + '_> {
+    fn start(&self) -> Box<Drive<'_>> {
         let dt_s = self.exported.control_dt_s();
         let (mut clock, mut share) = (PhaseClock::default(), 0.0_f32);
         Box::new(move |_, targets| {

@@ -93,7 +93,7 @@ fn data(exported: &Exported<'_>) -> String {
         ("NUM_HIDDEN", "usize", shape.hidden.to_string()),
         ("CONTROL_DT_S", "f32", n(exported.control_dt_s())),
         ("STRIDE_FREQUENCY_HZ", "f32", n(gait.stride_frequency_hz)),
-        ("SINE", "usize", exported.task().mirror_maps().map_or(0, |maps| maps.sine()).to_string()),
+        ("SINE", "usize", exported.task().mirror_maps().map_or(0, canter_sim::mirror::MirrorMaps::sine).to_string()),
     ];
     for (name, kind, value) in constants {
         let _ = writeln!(text, "pub const {name}: {kind} = {value};");
@@ -105,7 +105,7 @@ fn data(exported: &Exported<'_>) -> String {
         text,
         "pub const LAW: ActionLaw = ActionLaw {{\n    modulation: Modulation::{:?},\n    authority: {},\n    \
          ranges: ParameterRanges {{\n        frequency_factor: {},\n        swing_amplitude: {},\n        \
-         extension_amplitude: {},\n        swing_offset: {},\n        extension_offset: {},\n    }},\n}};",
+         extension_amplitude: {},\n        swing_offset: {},\n        extension_offset: {},\n    }},\n    residual_bound_rad: {},\n}};",
         law.modulation,
         n(law.authority),
         range(law.ranges.frequency_factor),
@@ -113,6 +113,7 @@ fn data(exported: &Exported<'_>) -> String {
         range(law.ranges.extension_amplitude),
         range(law.ranges.swing_offset),
         range(law.ranges.extension_offset),
+        n(law.residual_bound_rad),
     );
     let legs: String = controller.legs().iter().map(leg).collect();
     let _ = writeln!(text, "pub fn legs() -> Option<[Leg; NUM_LEGS]> {{\n    Some([\n{legs}    ])\n}}");

@@ -46,6 +46,15 @@ impl OpenLoop {
     }
 }
 
+/// What stands in a robot.toml for the rows, saved as `gait.csv` beside it.
+pub fn toml(open_loop: &OpenLoop) -> String {
+    let frequency_hz = open_loop.stride_frequency_hz;
+    format!(
+        "[[gaits]]\nkind = \"table\"\nname = \"exported\"\ndefault = false\nstable = false\n\
+         stride_frequency_hz = {frequency_hz:.4}\ntable = \"gait.csv\"\n"
+    )
+}
+
 /// Sums over the steps of an episode, by place in the cycle.
 #[derive(Clone, Debug, Default)]
 struct Cycle {

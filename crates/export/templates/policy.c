@@ -239,7 +239,7 @@ static void motor_angles(const leg *l, const float position[2], float angles[2])
 }
 #endif
 
-#if CANTER_MODULATION == CANTER_DIRECT
+#if CANTER_CONVERTS_BACK
 /* The leg position at these motor angles, or the nearest that the leg can have. */
 static void leg_position(const leg *l, const float angles[2], float position[2])
 {
@@ -365,21 +365,50 @@ static void wave_at(const leg *l, float phase, float wave[2])
     wave[1] = sinf(TAU * wrap_cycles(phase + l->extension_phase));
 }
 
+#if CANTER_MODULATION != CANTER_RESIDUAL
 static float blend(float normal, float mapped)
 {
     return (1.0f - AUTHORITY) * normal + AUTHORITY * mapped;
 }
+#endif
 
 #if CANTER_MODULATION == CANTER_MODULATE
 static float map_range(const float range[2], float normal, float action)
 {
     return normal + action * (action < 0.0f ? normal - range[0] : range[1] - normal);
 }
-#else
+#elif CANTER_MODULATION != CANTER_RESIDUAL
 static float amplitude(float normal, float action)
 {
     float blended = blend(normal, action);
     return blended > @MAX_AMPLITUDE@ ? @MAX_AMPLITUDE@ : blended;
+}
+#endif
+
+#if CANTER_MODULATION == CANTER_RESIDUAL
+/* Adds the policy's two outputs to the targets that the prior has at a position, and makes them a position again. */
+static void add_residual(const leg *l, const float *action, float position[2])
+{
+    float targets[2], moved[2];
+    int i;
+    command(l, position, targets);
+    for (i = 0; i < 2; i++) {
+        moved[i] = targets[i] + RESIDUAL_REACH * action_component(action, i);
+    }
+    if (moved[0] == targets[0] && moved[1] == targets[1]) {
+        return;
+    }
+#if CANTER_HAS_JOINTS
+    if (l->has_joints) {
+        for (i = 0; i < 2; i++) {
+            moved[i] = l->joint_sign[i] * (moved[i] - l->joint_standing[i]);
+        }
+        leg_position(l, moved, position);
+        return;
+    }
+#endif
+    position[0] = moved[0];
+    position[1] = moved[1];
 }
 #endif
 
@@ -391,7 +420,7 @@ static void gait_position(int index, float phase, const float *action, float pos
     int i;
 #if CANTER_MODULATION == CANTER_MODULATE
     int start = 1 + 4 * index;
-#elif CANTER_MODULATION == CANTER_LEG_AMPLITUDE
+#elif CANTER_MODULATION == CANTER_LEG_AMPLITUDE || CANTER_MODULATION == CANTER_RESIDUAL
     int start = 2 * index;
 #else
     int start = 0;
@@ -402,6 +431,9 @@ static void gait_position(int index, float phase, const float *action, float pos
                               map_range(amplitude_ranges[i], l->amplitudes[i], action_component(action, start + i)));
         offsets[i] = blend(l->offsets[i],
                            l->offsets[i] + map_range(offset_ranges[i], 0.0f, action_component(action, start + 2 + i)));
+#elif CANTER_MODULATION == CANTER_RESIDUAL
+        amplitudes[i] = l->amplitudes[i];
+        offsets[i] = l->offsets[i];
 #else
         amplitudes[i] = amplitude(l->amplitudes[i], action_component(action, start + i));
         offsets[i] = l->offsets[i];
@@ -411,6 +443,9 @@ static void gait_position(int index, float phase, const float *action, float pos
     for (i = 0; i < 2; i++) {
         position[i] = offsets[i] + amplitudes[i] * wave[i];
     }
+#if CANTER_MODULATION == CANTER_RESIDUAL
+    add_residual(l, action + start, position);
+#endif
 }
 #endif
 

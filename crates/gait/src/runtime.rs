@@ -194,7 +194,7 @@ mod tests {
             swing_offset: RANGE,
             extension_offset: RANGE,
         };
-        let law = ActionLaw { modulation: Modulation::Amplitude, authority: 0.0, ranges };
+        let law = ActionLaw { modulation: Modulation::Amplitude, authority: 0.0, ranges, residual_bound_rad: 0.0 };
         let gait = Gait { stride_frequency_hz: 2.0, legs: &parts };
         let controller = Controller::new(&legs, gait, law, &[ObservationBlock::MotorAngles]).unwrap();
         let shape = NetworkShape { input: 2, hidden: 1, output: 2 };

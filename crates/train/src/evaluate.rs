@@ -29,10 +29,13 @@ pub enum Mover<'a> {
     Driver(&'a dyn Driver),
 }
 
+/// Writes the targets, `(M)` [rad], of one step after another.
+pub type Drive<'a> = dyn FnMut(&Sensors<'_>, &mut [f32]) + 'a;
+
 /// A controller with a clock of its own.
 pub trait Driver: std::fmt::Debug + Sync {
-    /// Begins an episode: what it returns writes the targets, `(M)` [rad], of each step.
-    fn start(&self) -> Box<dyn FnMut(&Sensors<'_>, &mut [f32]) + '_>;
+    /// Begins an episode.
+    fn start(&self) -> Box<Drive<'_>>;
 }
 
 /// What looks at every step of an episode.

@@ -13,6 +13,7 @@ pub mod robot_check;
 pub mod robot_new;
 pub mod robots;
 pub mod robustness;
+pub mod run;
 pub mod sweep;
 pub mod train;
 pub mod view;

@@ -17,17 +17,7 @@ pub fn targets(g: &mut Builder, exported: &Exported<'_>, index: usize, [phase, a
     } else {
         gait_position(g, exported, index, [phase, action])
     };
-    let [swing, extension] = position;
-    let limited = [g.clip(&swing, leg.limits.swing), g.clip(&extension, leg.limits.extension)];
-    let Actuators::Joints(joints) = leg.actuators else {
-        return limited;
-    };
-    let angles = motor_angles(g, leg, limited);
-    let mut pair = angles.into_iter().zip(joints).map(|(angle, joint)| {
-        let turned = g.times(&angle, joint.sign);
-        g.plus(&turned, joint.standing)
-    });
-    [pair.next(), pair.next()].map(|target| target.expect("a leg has two motors"))
+    limited_targets(g, leg, position)
 }
 
 /// The phase after this step.
@@ -80,15 +70,17 @@ fn gait_position(g: &mut Builder, exported: &Exported<'_>, index: usize, [phase,
     let wave = wave(g, leg, part, &own_phase);
     let start = match law.modulation {
         Modulation::Modulate => 1 + 4 * index,
-        Modulation::LegAmplitude => 2 * index,
+        Modulation::LegAmplitude | Modulation::Residual => 2 * index,
         Modulation::Amplitude | Modulation::Direct => 0,
     };
     let ranges = law.ranges;
     let amplitude_ranges = [ranges.swing_amplitude, ranges.extension_amplitude];
     let offset_ranges = [ranges.swing_offset, ranges.extension_offset];
-    std::array::from_fn(|i| {
+    let position = std::array::from_fn(|i| {
         let component = g.columns(action, &[start + i]);
-        let (amplitude, offset) = if law.modulation == Modulation::Modulate {
+        let (amplitude, offset) = if law.modulation == Modulation::Residual {
+            (g.number(amplitudes[i]), g.number(offsets[i]))
+        } else if law.modulation == Modulation::Modulate {
             let amplitude = map(g, amplitude_ranges[i], amplitudes[i], &component);
             let component = g.columns(action, &[start + 2 + i]);
             let change = map(g, offset_ranges[i], 0.0, &component);
@@ -101,6 +93,40 @@ fn gait_position(g: &mut Builder, exported: &Exported<'_>, index: usize, [phase,
         };
         let motion = g.mul(&amplitude, &wave[i]);
         g.add(&offset, &motion)
+    });
+    if law.modulation != Modulation::Residual {
+        return position;
+    }
+    // Where the policy adds nothing at all this rounds where `gait` does not.
+    let targets = limited_targets(g, leg, position);
+    let moved = std::array::from_fn(|i| {
+        let component = g.columns(action, &[start + i]);
+        let change = g.times(&component, law.authority * law.residual_bound_rad);
+        let moved = g.add(&targets[i], &change);
+        match leg.actuators {
+            Actuators::LegSpace => moved,
+            Actuators::Joints(joints) => {
+                let turned = g.plus(&moved, -joints[i].standing);
+                g.times(&turned, joints[i].sign)
+            }
+        }
+    });
+    match leg.actuators {
+        Actuators::LegSpace => moved,
+        Actuators::Joints(_) => leg_position(g, leg, moved),
+    }
+}
+
+/// The targets at a leg position, within the limits.
+fn limited_targets(g: &mut Builder, leg: &Leg, [swing, extension]: [Value; 2]) -> [Value; 2] {
+    let limited = [g.clip(&swing, leg.limits.swing), g.clip(&extension, leg.limits.extension)];
+    let Actuators::Joints(joints) = leg.actuators else {
+        return limited;
+    };
+    let angles = motor_angles(g, leg, limited);
+    std::array::from_fn(|i| {
+        let turned = g.times(&angles[i], joints[i].sign);
+        g.plus(&turned, joints[i].standing)
     })
 }
 

@@ -20,6 +20,9 @@ const IR_VERSION: i64 = 8;
 /// The version of ONNX's operators that belongs to it.
 const OPSET: i64 = 17;
 
+/// A Python program that runs the model on a robot: ramps in, stops, holds the pose without readings.
+pub const RUNNER: &str = include_str!("../../templates/run_policy.py");
+
 /// A policy as an ONNX model; the file's bytes.
 pub fn export(exported: &Exported<'_>) -> Vec<u8> {
     let controller = exported.controller();
@@ -145,6 +148,8 @@ fn metadata(exported: &Exported<'_>) -> Vec<proto::Entry> {
         })
         .collect();
     let dt = exported.task().settings.control_dt_s;
+    let mut standing = vec![0.0; exported.controller().num_motors()];
+    exported.controller().stand(&mut standing);
     let entries = [
         ("robot", card.robot.name.clone()),
         ("robot_fingerprint", card.robot.fingerprint.clone()),
@@ -152,6 +157,7 @@ fn metadata(exported: &Exported<'_>) -> Vec<proto::Entry> {
         ("modulation", card.action.modulation.clone()),
         ("observation_layout", Json::from(layout).to_string()),
         ("actuators", json!(exported.actuators()).to_string()),
+        ("standing_targets", Json::from(standing).to_string()),
         ("units", "angles in rad, angular velocities in rad/s, phase in cycles; action without unit".to_owned()),
         ("control_dt_s", dt.to_string()),
         ("control_rate_hz", (1.0 / dt).to_string()),

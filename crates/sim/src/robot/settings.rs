@@ -105,11 +105,6 @@ impl LegSettings {
         }
     }
 
-    /// Names of the two actuators.
-    pub fn actuators(&self) -> &[String] {
-        self.motors_and_actuators().1
-    }
-
     /// Geom of the foot.
     pub(super) fn foot(&self) -> &str {
         match self {

@@ -79,6 +79,12 @@ pub fn test_png(root: &Path) -> Result<(), Failure> {
     passed(cargo(root, "test").args(figures).status().map_err(cannot_start_cargo)?)
 }
 
+/// Tests of exports with other people's programs: plain `cargo test` leaves them out.
+pub fn test_exports(root: &Path, python: &Path) -> Result<(), Failure> {
+    let exports = ["--release", "--package", "canter-export", "--", "--ignored", "--nocapture"];
+    passed(cargo(root, "test").args(exports).env("CANTER_PYTHON", python).status().map_err(cannot_start_cargo)?)
+}
+
 /// Tests of full and read-only disks, which have to be mounted: plain `cargo test` leaves them out.
 pub fn test_disks(root: &Path) -> Result<(), Failure> {
     let disks = ["--release", "--package", "canter", "--test", "reliability", "disk::", "--", "--ignored"];

@@ -7,6 +7,9 @@ use crate::Failure;
 /// What films are drawn with: OpenGL on the processor, and what puts pictures into an MP4.
 pub const FILMS: [&str; 3] = ["libegl1", "libgl1-mesa-dri", "ffmpeg"];
 
+/// What C exports are compiled and run with: another compiler, one for the Cortex-M4F with its C library, an emulator.
+pub const EXPORTS: [&str; 4] = ["clang", "gcc-arm-none-eabi", "libnewlib-arm-none-eabi", "qemu-system-arm"];
+
 /// What text in PNG figures is drawn with.
 pub const FONTS: [&str; 1] = ["fonts-dejavu-core"];
 

@@ -11,7 +11,7 @@ use crate::Failure;
 use crate::source::{code_only, is_name, read, rust_files, without_tests};
 
 /// The crates with equations, along the way of the data.
-const CRATES: [&str; 5] = ["gait", "sim", "learn", "train", "report"];
+const CRATES: [&str; 6] = ["gait", "sim", "learn", "train", "export", "report"];
 
 const INDEX: &str = "docs/equations.md";
 

@@ -33,7 +33,7 @@ const TINY_TRAINING: [&str; 10] = [
 pub fn tensorboard(root: &Path) -> Result<(), Failure> {
     let folder = builds::target_dir(root).join("full");
     fs::create_dir_all(&folder).map_err(|error| Failure::Task(format!("cannot make {}: {error}", folder.display())))?;
-    let python = python_with_tensorboard(&folder)?;
+    let python = python_with(&folder, &TENSORBOARD_PACKAGES)?;
     let canter = builds::build_canter(root)?;
 
     let run = folder.join("tensorboard-run");
@@ -60,26 +60,64 @@ pub fn tensorboard(root: &Path) -> Result<(), Failure> {
     Ok(())
 }
 
-/// The Python of an environment of ours that has TensorBoard; made and filled on first use.
-fn python_with_tensorboard(folder: &Path) -> Result<PathBuf, Failure> {
-    let environment = folder.join(format!("tensorboard-{TENSORBOARD}"));
+/// Every export against the trained policy, with other people's compilers, ONNX's runtime, MuJoCo for Python and QEMU.
+///
+/// # Errors
+/// An export that differs, or what could not be fetched.
+pub fn exports(root: &Path) -> Result<(), Failure> {
+    let folder = builds::target_dir(root).join("full");
+    fs::create_dir_all(&folder).map_err(|error| Failure::Task(format!("cannot make {}: {error}", folder.display())))?;
+    let python = python_with(&folder, &EXPORT_PACKAGES)?;
+    builds::test_exports(root, &python)
+}
+
+/// Packages of an environment of ours.
+struct Packages {
+    /// The environment's folder.
+    folder: &'static str,
+    /// What is fetched, for a person.
+    what: &'static str,
+    /// As pip takes them.
+    requirements: &'static [&'static str],
+    /// What can be imported once they are there.
+    import: &'static str,
+}
+
+const TENSORBOARD_PACKAGES: Packages = Packages {
+    folder: "tensorboard-2.20.0",
+    what: "TensorBoard (180 MB on the disk, once)",
+    requirements: &["tensorboard==2.20.0"],
+    import: "tensorboard.backend.event_processing.event_accumulator",
+};
+
+/// MuJoCo in the version that canter runs on; ONNX's are the newest that pip finds.
+const EXPORT_PACKAGES: Packages = Packages {
+    folder: "onnx-mujoco-3.17.0",
+    what: "ONNX, its runtime and MuJoCo for Python (300 MB on the disk, once)",
+    requirements: &["onnx", "onnxruntime", "mujoco==3.17.0"],
+    import: "mujoco, onnx, onnxruntime",
+};
+
+/// The Python of an environment of ours that has these packages; made and filled on first use.
+fn python_with(folder: &Path, packages: &Packages) -> Result<PathBuf, Failure> {
+    let environment = folder.join(packages.folder);
     let python = environment.join("bin").join("python");
     let can_import = |python: &Path| {
         let mut import = Command::new(python);
-        import.args(["-c", "import tensorboard.backend.event_processing.event_accumulator"]);
+        import.args(["-c", &format!("import {}", packages.import)]);
         import.output().is_ok_and(|output| output.status.success())
     };
     if can_import(&python) {
         return Ok(python);
     }
-    eprintln!("Fetching TensorBoard {TENSORBOARD} (180 MB on the disk, once) with pip ...");
+    eprintln!("Fetching {} with pip ...", packages.what);
     let mut venv = Command::new("python3");
     venv.args(["-m", "venv", "--clear"]).arg(&environment);
     finish(venv, "cannot make a Python environment (Debian, Ubuntu: `apt install python3-venv`)")?;
     let mut pip = Command::new(&python);
     pip.args(["-m", "pip", "install", "--quiet", "--disable-pip-version-check", "--no-input", "--only-binary=:all:"]);
-    pip.arg(format!("tensorboard=={TENSORBOARD}"));
-    finish(pip, "pip could not install TensorBoard; check the network (and pip's proxy or mirror setting)")?;
+    pip.args(packages.requirements);
+    finish(pip, "pip could not install them; check the network (and pip's proxy or mirror setting)")?;
     Ok(python)
 }
 

@@ -26,7 +26,8 @@ Tasks:
   canter ARGS...       build the program `canter` and run it with ARGS; `cargo canter ARGS...` is the same
   setup                fetch the physics engine MuJoCo into .mujoco/ (26 MB, once); canter and test do it when needed
   test [--full]        run every test and documentation example; --full adds those that need Python packages or
-                       Debian's (OpenGL, ffmpeg, a font, Chromium), and installs them, and mounts a full disk; --only-full runs these alone
+                       Debian's (OpenGL, ffmpeg, a font, Chromium, compilers, QEMU), and installs them, and mounts a
+                       full disk; --only-full runs these alone
   reliability          the whole of what docs/reliability.md promises: 200 killed runs, a million inputs for each parser,
                        10,000 mutated models, half an hour of faults; some two hours, as root
   layering             check which crate uses which, which may print, and that gait uses no std
@@ -89,11 +90,12 @@ fn run(task: Option<OsString>, arguments: &[OsString]) -> Result<(), Failure> {
                 builds::test(&root)?;
             }
             if full || only_full {
-                debian::ensure(&[&debian::FILMS[..], &debian::FONTS].concat())?;
+                debian::ensure(&[&debian::FILMS[..], &debian::FONTS, &debian::EXPORTS].concat())?;
                 builds::test_films(&root)?;
                 builds::test_disks(&root)?;
                 builds::test_png(&root)?;
                 full::tensorboard(&root)?;
+                full::exports(&root)?;
                 browser::test(&root)?;
             }
             Ok(())

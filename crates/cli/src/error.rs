@@ -1,5 +1,7 @@
 //! The one place where errors meet.
 
+use std::path::PathBuf;
+
 use canter_report::ReportError;
 use canter_sim::RobotError;
 #[cfg(feature = "view")]
@@ -56,6 +58,18 @@ pub enum CliError {
          and then run `target/release/canter view {0}`; or write a film with `{1} film {0}`"
     )]
     NoViewer(String, String),
+    #[error(
+        "nothing was exported, the replay broke {} of {}:\n{}\nThese limits protect the robot; --allow-unsafe writes the \
+         files all the same",
+        if .0.len() == 1 { "a limit".to_owned() } else { format!("{} limits", .0.len()) }, .1, .0.join("\n")
+    )]
+    Unsafe(Vec<String>, String),
+    #[error("{0} never walked through a whole cycle, so there is no gait to write down")]
+    NoCycle(String),
+    #[error("{}: the robot cannot be reached: {source}", .path.display())]
+    Port { path: PathBuf, source: std::io::Error },
+    #[error("no gait of few parameters is near the learned one: {0}")]
+    NoFit(FitError),
     #[error("several runs need a folder for their report; give one with --out DIR")]
     ReportNeedsOut,
     #[error(

@@ -31,6 +31,8 @@ fn main() -> ExitCode {
         Command::Compare(args) => commands::compare::compare(&args),
         Command::Sweep(args) => commands::sweep::sweep(&args),
         Command::Report(args) => commands::report::report(&args),
+        Command::Export(args) => commands::export::export(&args),
+        Command::Run(args) => commands::run::run(&args),
         Command::Film(args) => commands::film::film(&args),
         Command::View(args) => commands::view::view(&args),
         Command::Robots(args) => commands::robots::robots(&args),

@@ -77,6 +77,16 @@ impl<'a> Controller<'a> {
         self.gait
     }
 
+    /// The legs.
+    pub fn legs(&self) -> &'a [Leg] {
+        self.legs
+    }
+
+    /// What the policy observes.
+    pub fn blocks(&self) -> &'a [ObservationBlock] {
+        self.blocks
+    }
+
     /// The action law.
     pub fn law(&self) -> ActionLaw {
         self.law
@@ -138,6 +148,14 @@ impl<'a> Controller<'a> {
         let moved = self.law.residual(targets, index, action);
         // The way through joint angles and back rounds; where nothing is added the prior's bytes are kept.
         if moved == targets { prior } else { leg.position_at(moved) }
+    }
+
+    /// Writes the actuator targets of the standing pose, `(M)` [rad].
+    #[inline]
+    pub fn stand(&self, targets: &mut [f32]) {
+        for (leg, target) in self.legs.iter().zip(targets.chunks_exact_mut(2)) {
+            command(leg, LegPosition::default(), target);
+        }
     }
 
     /// Writes the actuator targets of the prior alone, `(M)` [rad], and moves the clock on by one control step.

@@ -9,6 +9,8 @@
 //! 4. [`prior`]: the gait with these parameters at the current [`phase`] becomes a leg position;
 //! 5. [`kinematics`]: limits, then actuator targets.
 //!
+//! [`runtime`] is what a robot does around that: it ramps in from standing, stops, and holds its pose without sensors.
+//!
 //! There is no allocation, no `std` and no global state here, and nothing that runs once a step can panic: steps iterate
 //! over what there is, so a slice that is too short shortens the result.
 #![no_std]
@@ -23,6 +25,7 @@ pub mod normaliser;
 pub mod observation;
 pub mod phase;
 pub mod prior;
+pub mod runtime;
 pub mod tanh;
 
 pub use action::{ActionLaw, Modulation, ParameterRanges, Range};
@@ -36,3 +39,4 @@ pub use normaliser::Normaliser;
 pub use observation::{ObservationBlock, Sensors};
 pub use phase::PhaseClock;
 pub use prior::{Gait, LegGait, LegParameters, SineWave, Stepping, SteppingParameters, Waveform};
+pub use runtime::{Memory, Mode, Reading, Runtime, RuntimeSettings};

@@ -83,6 +83,11 @@ impl<'a> Network<'a> {
         self.shape
     }
 
+    /// The flat buffer that it borrows, see [`NetworkShape`].
+    pub fn parameters(&self) -> &'a [f32] {
+        self.parameters
+    }
+
     /// Length of the workspace that [`forward`](Self::forward) needs, `2 H`.
     pub fn workspace_len(&self) -> usize {
         2 * self.shape.hidden

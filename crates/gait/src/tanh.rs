@@ -22,13 +22,13 @@ pub fn tanh(x: f32) -> f32 {
 }
 
 /// Beyond this argument tanh differs from 1 by less than half a unit in the last place of `f32`.
-const SATURATION: f32 = 9.0;
+pub const SATURATION: f32 = 9.0;
 
 /// Coefficients of P, constant first. Source: `tests/golden/tanh.py`.
-const NUMERATOR: [f32; 5] = [0.999_999_9, 0.133_731_83, 3.486_562_7e-3, 2.047_148e-5, 1.318_368_8e-8];
+pub const NUMERATOR: [f32; 5] = [0.999_999_9, 0.133_731_83, 3.486_562_7e-3, 2.047_148e-5, 1.318_368_8e-8];
 
 /// Coefficients of Q after its leading 1. Source: `tests/golden/tanh.py`.
-const DENOMINATOR: [f32; 4] = [0.467_064_8, 2.584_190_9e-2, 3.271_352_3e-4, 7.702_453e-7];
+pub const DENOMINATOR: [f32; 4] = [0.467_064_8, 2.584_190_9e-2, 3.271_352_3e-4, 7.702_453e-7];
 
 #[cfg(test)]
 mod tests {

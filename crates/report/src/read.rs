@@ -31,6 +31,7 @@ const MAX_LEGS: usize = 16;
 const TRAIN_AGAIN: &str = "it comes from `canter train`; `canter resume RUN` writes it again";
 const COMPARE_AGAIN: &str = "it comes from `canter compare`; run that again";
 const SWEEP_AGAIN: &str = "it comes from `canter sweep`; run that again";
+const EXPORT_AGAIN: &str = "remove the file, and export again";
 const TRAJECTORY_AGAIN: &str = "remove the file to leave its gait out, or record it again";
 
 /// `eval.json`.
@@ -317,6 +318,18 @@ pub struct Run {
     pub metrics: Vec<Metrics>,
     /// By the gait's name; `learned` is the policy.
     pub trajectories: BTreeMap<String, Trajectory>,
+    /// What was exported, by format.
+    pub exports: BTreeMap<String, Export>,
+}
+
+/// An entry of `export.json`: how an exported gait did in its replay.
+#[derive(Clone, Debug, Deserialize)]
+pub struct Export {
+    /// Whether it kept every limit.
+    pub passed: bool,
+    /// Whether it runs without sensors.
+    pub is_open_loop: bool,
+    pub exported: GaitReport,
 }
 
 fn count<'de, D: Deserializer<'de>>(deserializer: D) -> Result<u64, D::Error> {
@@ -373,6 +386,12 @@ pub fn run(path: &Path) -> Result<Run, ReportError> {
             trajectories.insert(trajectory.name.clone(), trajectory);
         }
     }
+    let export_path = path.join("export.json");
+    let exports: BTreeMap<String, Export> =
+        if export_path.exists() { json(&export_path, EXPORT_AGAIN)? } else { BTreeMap::new() };
+    if let Some((name, _)) = exports.iter().find(|(_, export)| export.exported.speeds_m_per_s.is_empty()) {
+        return Err(wrong(&export_path, format!("`{name}` has no speeds"), EXPORT_AGAIN));
+    }
     let name = path.canonicalize().map_err(ReportError::io(path))?;
     Ok(Run {
         name: name.file_name().map_or_else(|| "run".to_owned(), |name| name.to_string_lossy().into_owned()),
@@ -380,6 +399,7 @@ pub fn run(path: &Path) -> Result<Run, ReportError> {
         metrics: metrics(&path.join("metrics.jsonl"))?,
         verdict,
         trajectories,
+        exports,
     })
 }
 

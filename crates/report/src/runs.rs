@@ -145,7 +145,23 @@ fn measured(runs: &[Run]) -> Result<Vec<Measured<'_>>, ReportError> {
             entry.trajectory = entry.trajectory.or_else(|| run.trajectories.get(name));
         }
     }
+    let num_bare = bare.len();
     measured.extend(bare.into_values());
+    for (run, (format, export)) in runs.iter().flat_map(|run| run.exports.iter().map(move |export| (run, export))) {
+        // A runnable export is the learned gait itself.
+        if !export.is_open_loop {
+            continue;
+        }
+        let key = format!("{}-{format}", run.name);
+        let label = if runs.len() == 1 { format!("exported {format}") } else { format!("{}: {format}", run.name) };
+        let safety = if export.passed { "" } else { " (not safe)" };
+        measured.push(Measured {
+            subject: Subject { key, label, tone: Tone::of_gait(format, num_bare + measured.len()) },
+            report: &export.exported,
+            trajectory: None,
+            role: format!("open-loop export{safety}"),
+        });
+    }
     Ok(measured)
 }
 

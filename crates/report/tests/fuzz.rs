@@ -51,6 +51,8 @@ fn small_run(folder: &Path) {
         eval.pointer_mut(pointer).unwrap()["speeds_m_per_s"].as_array_mut().unwrap().truncate(2);
     }
     fs::write(folder.join("eval.json"), eval.to_string()).unwrap();
+    let export = serde_json::json!({ "passed": true, "is_open_loop": true, "exported": eval["prior"] });
+    fs::write(folder.join("export.json"), serde_json::json!({ "table": export }).to_string()).unwrap();
     let metrics = fs::read_to_string(folder.join("metrics.jsonl")).unwrap();
     let lines: String = metrics.split_inclusive('\n').skip(1).take(3).collect();
     fs::write(folder.join("metrics.jsonl"), lines).unwrap();
@@ -134,6 +136,11 @@ fn fuzz_run(name: &str, file: &str) {
 #[test]
 fn verdicts() {
     fuzz_run("eval.json", "eval.json");
+}
+
+#[test]
+fn exports() {
+    fuzz_run("export.json", "export.json");
 }
 
 #[test]

@@ -200,6 +200,31 @@ fn the_same_files_give_the_same_bytes_and_old_figures_go() {
 }
 
 #[test]
+fn exported_open_loops_stand_beside_the_policy() {
+    let folder = TemporaryFolder::new();
+    let run = folder.join("run");
+    write_run(&run, 1, false);
+    let stepping = read_json(&run.join("eval.json"))["default_gaits"]["stepping"].clone();
+    let entry = |passed: bool, is_open_loop: bool| serde_json::json!({ "passed": passed, "is_open_loop": is_open_loop, "exported": stepping });
+    let exports =
+        serde_json::json!({ "c": entry(true, false), "gait": entry(true, true), "table": entry(false, true) });
+    fs::write(run.join("export.json"), exports.to_string()).unwrap();
+    report_run(std::slice::from_ref(&run), &run).unwrap();
+    let rows = csv(&run.join("tables/gaits.csv"));
+    let of = |label: &str| rows.iter().find(|row| row["gait"] == label);
+    assert!(of("exported c").is_none());
+    assert_eq!(of("exported gait").unwrap()["role"], "open-loop export");
+    let table = of("exported table").unwrap();
+    assert_eq!(table["role"], "open-loop export (not safe)");
+    assert_eq!(table["speed_m_per_s"].parse::<f64>().ok(), stepping["speed_m_per_s"].as_f64());
+    let mut broken = exports;
+    broken["table"]["exported"]["speeds_m_per_s"] = serde_json::json!([]);
+    fs::write(run.join("export.json"), broken.to_string()).unwrap();
+    let error = report_run(std::slice::from_ref(&run), &run).unwrap_err().to_string();
+    assert!(error.contains("export.json") && error.contains("`table` has no speeds"), "{error}");
+}
+
+#[test]
 fn a_run_without_recordings_says_so() {
     let folder = TemporaryFolder::new();
     let run = folder.join("run");

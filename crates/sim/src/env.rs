@@ -297,6 +297,31 @@ impl Env {
         self.advance(0.0, observation)
     }
 
+    /// One control step with actuator targets from outside: a controller of the caller's own, with its own clock.
+    ///
+    /// # Shapes
+    /// - `targets`: `(M)` [rad]; one that is no number keeps its predecessor
+    /// - `observation`: `(O)`, raw, of this environment's clock, which stands still
+    pub fn step_targets(&mut self, targets: &[f32], observation: &mut [f32]) -> StepOutcome {
+        let mut command = self.commands.pop_front().unwrap_or_default();
+        let before = self.commands.back().unwrap_or(&command).clone();
+        for ((own, target), before) in command.iter_mut().zip(targets).zip(before) {
+            *own = if target.is_nan() { before } else { *target };
+        }
+        self.commands.push_back(command);
+        self.advance(0.0, observation)
+    }
+
+    /// Torques of the motors in the last physics step [N m], those of held ones at the end.
+    pub fn motor_torques(&self) -> &[f64] {
+        &self.buffers.torques
+    }
+
+    /// Speeds of the motors before the last physics step [rad/s], those of held ones at the end.
+    pub fn motor_speeds(&self) -> &[f64] {
+        &self.buffers.velocities
+    }
+
     /// Simulates one control step under the command whose time has come.
     fn advance(&mut self, squared_action_change: f64, observation: &mut [f32]) -> StepOutcome {
         if let Some(velocity) = self.episode.push(&self.task, self.env_steps) {

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use canter_gait::Policy;
+use canter_gait::{Policy, Sensors};
 use canter_learn::random::{Purpose, stream};
 use canter_sim::frame::smallest_angle;
 use canter_sim::{Accident, Env, StepOutcome, Task};
@@ -25,6 +25,23 @@ pub enum Mover<'a> {
     Policy(&'a Policy<'a>),
     /// The same action at every step, `(A)`: another open-loop gait.
     Constant(&'a [f32]),
+    /// Actuator targets from outside: whatever was exported.
+    Driver(&'a dyn Driver),
+}
+
+/// Writes the targets, `(M)` [rad], of one step after another.
+pub type Drive<'a> = dyn FnMut(&Sensors<'_>, &mut [f32]) + 'a;
+
+/// A controller with a clock of its own.
+pub trait Driver: std::fmt::Debug + Sync {
+    /// Begins an episode.
+    fn start(&self) -> Box<Drive<'_>>;
+}
+
+/// What looks at every step of an episode.
+pub trait Watcher: Default + Send {
+    /// Sees the environment after a step.
+    fn watch(&mut self, env: &Env);
 }
 
 /// Under which conditions gaits are measured, beside the task.
@@ -195,6 +212,24 @@ pub fn run_episodes(
     })
 }
 
+/// The episodes of one gait, each with what a watcher made of it.
+pub fn watch_episodes<W: Watcher>(
+    task: &Task,
+    mover: Mover<'_>,
+    settings: &EvaluationSettings,
+    workers: &Workers,
+) -> Vec<(Episode, W)> {
+    let conditions = &Conditions::from(settings);
+    let task = evaluation_task(task, settings);
+    let watched = |number: usize| {
+        let mut watcher = W::default();
+        let mut env = Env::new(task.clone());
+        let episode = run_episode(&mut env, mover, conditions, number as u64, |env, _| watcher.watch(env));
+        (episode, watcher)
+    };
+    workers.install(|| (0..settings.num_episodes).into_par_iter().with_max_len(1).map(watched).collect())
+}
+
 /// The task without its goal and its height margin, and with the evaluation's time limit and physics step.
 ///
 /// # Panics
@@ -224,7 +259,11 @@ pub(crate) fn run_episode(
     let mut action = vec![0.0; task.num_actions()];
     let mut hidden = match mover {
         Mover::Policy(policy) => vec![0.0; policy.network.workspace_len()],
-        Mover::Prior | Mover::Constant(_) => Vec::new(),
+        Mover::Prior | Mover::Constant(_) | Mover::Driver(_) => Vec::new(),
+    };
+    let mut drive = match mover {
+        Mover::Driver(driver) => Some((driver.start(), env.last_command().to_vec())),
+        Mover::Prior | Mover::Constant(_) | Mover::Policy(_) => None,
     };
     env.reset(&mut || uniform(&mut rng), &mut observation);
     let start_heading = env.heading_rad();
@@ -246,6 +285,11 @@ pub(crate) fn run_episode(
         let outcome: StepOutcome = match mover {
             Mover::Prior => env.step_prior(&mut observation),
             Mover::Constant(action) => env.step(action, &mut observation),
+            Mover::Driver(_) => {
+                let (drive, targets) = drive.as_mut().expect("it was started");
+                drive(&env.sensors(), targets);
+                env.step_targets(targets, &mut observation)
+            }
             Mover::Policy(policy) => {
                 policy.act(&mut observation, &mut hidden, &mut action);
                 env.step(&action, &mut observation)

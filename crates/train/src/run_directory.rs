@@ -371,6 +371,30 @@ pub fn read_policy(run: &Path) -> Result<PolicyFile, RunError> {
     PolicyFile::from_bytes(&bytes).map_err(|source| RunError::Policy { path, source })
 }
 
+/// What a run's `eval.json` says, as far as it can be read; none if the run was never judged.
+///
+/// # Errors
+/// The system's.
+pub fn read_eval(run: &Path) -> Result<Option<serde_json::Value>, RunError> {
+    let path = run.join("eval.json");
+    match read_file(&path) {
+        Ok(bytes) => Ok(serde_json::from_slice(&bytes).ok()),
+        Err(source) if source.kind() == io::ErrorKind::NotFound => Ok(None),
+        Err(source) => Err(io_error(&path, source)),
+    }
+}
+
+/// Writes a file whole or not at all, into a folder that is made if it is missing.
+///
+/// # Errors
+/// The system's.
+pub fn write_file(path: &Path, bytes: &[u8]) -> Result<(), RunError> {
+    if let Some(folder) = path.parent() {
+        fs::create_dir_all(folder).map_err(|source| io_error(folder, source))?;
+    }
+    write_whole(path, bytes)
+}
+
 /// Where a run's policy lies.
 pub fn policy_path(run: &Path) -> PathBuf {
     run.join("policy.safetensors")

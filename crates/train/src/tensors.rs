@@ -155,6 +155,11 @@ impl TensorFile {
         Ok(())
     }
 
+    /// Names of the arrays.
+    pub fn names(&self) -> impl Iterator<Item = &str> {
+        self.arrays.keys().map(String::as_str)
+    }
+
     /// Shape of the array of this name.
     pub fn shape(&self, name: &str) -> Option<&[usize]> {
         self.arrays.get(name).map(|array| &array.shape[..])

@@ -32,6 +32,11 @@ impl SerialLeg {
         self.half.lower_link_m()
     }
 
+    /// Angle of the upper link against the line from hip to foot in the standing pose [rad], without its sign.
+    pub fn stance_half_angle(&self) -> f32 {
+        self.half.stance_half_angle()
+    }
+
     /// Whether the knee is in front of the line from hip to foot.
     pub fn knee_in_front(&self) -> bool {
         self.knee_side > 0.0

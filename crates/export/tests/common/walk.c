@@ -1,0 +1,21 @@
+/* Steps of the whole runtime: readings with their age and whether to walk in, targets and mode out. */
+#include "canter_policy.h"
+
+#include <stdio.h>
+#include <string.h>
+
+int main(void)
+{
+    canter_state state;
+    canter_sensors sensors;
+    float input[2 * CANTER_NUM_MOTORS + 8], targets[CANTER_NUM_MOTORS], output[CANTER_NUM_MOTORS + 1];
+    canter_init(&state, targets);
+    while (fread(input, sizeof input, 1, stdin) == 1) {
+        memcpy(&sensors, input, sizeof sensors);
+        canter_walk(&state, input[2 * CANTER_NUM_MOTORS + 7] != 0.0f);
+        output[CANTER_NUM_MOTORS] = (float)canter_step(&state, &sensors, CANTER_CONTROL_DT_S, targets);
+        memcpy(output, targets, sizeof targets);
+        fwrite(output, sizeof output, 1, stdout);
+    }
+    return 0;
+}

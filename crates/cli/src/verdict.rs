@@ -47,12 +47,15 @@ pub fn gait_table(rows: &[(String, &GaitReport)], protocol: &ProtocolCard) -> St
     lines.push(format!("{:width$}    m/s      m   deg      mm      W  transp.    m/s", ""));
     lines.extend(rows.iter().map(|(name, report)| row(name, width, report)));
     lines.push(String::new());
-    let ground = match (protocol.slope_deg, protocol.friction) {
+    let mut ground = match (protocol.slope_deg, protocol.friction) {
         (0.0, None) => "level ground".to_owned(),
         (slope, None) => format!("a slope of {slope} degrees"),
         (0.0, Some(friction)) => format!("level ground of friction {friction}"),
         (slope, Some(friction)) => format!("a slope of {slope} degrees and friction {friction}"),
     };
+    for (key, value) in &protocol.changed {
+        ground += &format!(", task.{key} = {value}");
+    }
     lines.push(format!(
         "{} episodes of {} s a gait on {ground}, same starts (seed {}); speed counts forward, from {} s on.",
         protocol.num_episodes, protocol.episode_s, protocol.seed, protocol.settle_s

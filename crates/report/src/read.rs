@@ -61,6 +61,9 @@ pub struct Protocol {
     pub seed: u64,
     pub slope_deg: f64,
     pub friction: Option<f64>,
+    /// What else of the world was changed, by its key.
+    #[serde(default)]
+    pub changed: BTreeMap<String, f64>,
 }
 
 /// A gait in `eval.json`.

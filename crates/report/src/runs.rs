@@ -386,8 +386,9 @@ fn protocol_text(run: &Run) -> String {
     let friction = protocol
         .friction
         .map_or_else(|| "the model\u{2019}s own friction".to_owned(), |value| format!("friction {value}"));
+    let changed: String = protocol.changed.iter().map(|(key, value)| format!(", {key} {value}")).collect();
     format!(
-        "{} episodes of {} s for each gait, on a slope of {} degrees with {friction}, every gait from the same random \
+        "{} episodes of {} s for each gait, on a slope of {} degrees with {friction}{changed}, every gait from the same random \
          starts (seed {}), which no training uses. Speed counts forward, from {} s on; a robot that falls keeps the full \
          time. Intervals are 95 % percentile bootstraps over the episodes: they cover the starts of these policies, not \
          what another training seed would give. Power is mechanical, braking included.",

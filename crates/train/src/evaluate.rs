@@ -6,7 +6,7 @@ use std::sync::Arc;
 use canter_gait::{Policy, Sensors};
 use canter_learn::random::{Purpose, stream};
 use canter_sim::frame::smallest_angle;
-use canter_sim::{Accident, Env, StepOutcome, Task};
+use canter_sim::{Accident, Env, StepOutcome, Task, TaskSettings};
 use rayon::prelude::*;
 use serde::Serialize;
 
@@ -428,6 +428,9 @@ pub struct ProtocolCard {
     pub slope_deg: f64,
     /// Sliding friction; none: the model's own.
     pub friction: Option<f64>,
+    /// What else of the world is not as it is by itself: the task's own values, by their keys.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub changed: BTreeMap<&'static str, f64>,
 }
 
 impl ProtocolCard {
@@ -442,8 +445,25 @@ impl ProtocolCard {
             seed: settings.seed,
             slope_deg: task.settings.slope_deg,
             friction: task.settings.friction,
+            changed: changed_world(&task.settings),
         }
     }
+}
+
+/// The task's values, by their keys, that make its world another than level ground and the robot as it is; slope along
+/// the way and friction have places of their own.
+fn changed_world(settings: &TaskSettings) -> BTreeMap<&'static str, f64> {
+    let ground = settings.ground.as_ref();
+    let values = [
+        ("cross_slope_deg", settings.cross_slope_deg),
+        ("mass_factor", settings.mass_factor),
+        ("strength_factor", settings.strength_factor),
+        ("delay_s", settings.delay_s),
+        ("ground.roughness", ground.and_then(|ground| ground.roughness)),
+        ("ground.curb_height", ground.and_then(|ground| ground.curb_height)),
+        ("ground.patch_length", ground.and_then(|ground| ground.patch_length)),
+    ];
+    values.into_iter().filter_map(|(key, value)| Some((key, value?))).collect()
 }
 
 /// Measures a policy, its prior and the robot's default gaits from the same starts; without a policy, the prior alone.

@@ -1,6 +1,6 @@
 //! Drafts the `robot.toml` of a model that nobody has described yet, and says what it could not decide.
 //!
-//! [`find`] looks for the legs, [`pose`] makes them stand with their feet below their hips. What the model's file lacks,
+//! `find` looks for the legs, `pose` makes them stand with their feet below their hips. What the model's file lacks,
 //! ground or such a pose, is written into a scene that includes it; the model itself is never changed.
 
 mod find;

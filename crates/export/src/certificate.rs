@@ -128,8 +128,7 @@ pub fn certify(
     workers: &Workers,
 ) -> Certificate {
     let exported = &candidate.exported;
-    let robot = &exported.task().robot;
-    let weight_n = robot.model.total_mass_kg() * robot.model.gravity();
+    let weight_n = exported.task().weight_n();
     let policy = candidate.judged.unwrap_or_else(|| {
         let report = GaitReport::new(&replay(exported, Subject::Policy, settings, workers).0, weight_n);
         Walked { speed_m_per_s: report.speed_m_per_s, falls: report.falls, num_episodes: settings.num_episodes }

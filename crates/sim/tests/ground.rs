@@ -17,9 +17,11 @@ const KINDS: [Kind; 7] = [
     ("uphill", |settings| settings.slope_deg = 10.0),
     ("downhill", |settings| settings.slope_deg = -10.0),
     ("across", |settings| settings.cross_slope_deg = Some(10.0)),
-    ("rough", |settings| settings.ground = Some(GroundSettings { roughness: Some(0.2), ..smooth() })),
-    ("curbs", |settings| settings.ground = Some(GroundSettings { curb_height: Some(0.1), ..smooth() })),
-    ("patches", |settings| settings.ground = Some(GroundSettings { patch_friction: Some(vec![0.6, 1.0]), ..smooth() })),
+    ("rough", |settings| settings.ground = Some(GroundSettings { roughness: Some(0.2), ..GroundSettings::smooth() })),
+    ("curbs", |settings| settings.ground = Some(GroundSettings { curb_height: Some(0.1), ..GroundSettings::smooth() })),
+    ("patches", |settings| {
+        settings.ground = Some(GroundSettings { patch_friction: Some(vec![0.6, 1.0]), ..GroundSettings::smooth() });
+    }),
     ("everything", |settings| {
         settings.slope_deg = 5.0;
         settings.cross_slope_deg = Some(-5.0);
@@ -33,17 +35,6 @@ const KINDS: [Kind; 7] = [
         });
     }),
 ];
-
-fn smooth() -> GroundSettings {
-    GroundSettings {
-        roughness: None,
-        correlation_length: None,
-        curb_height: None,
-        curb_length: None,
-        patch_friction: None,
-        patch_length: None,
-    }
-}
 
 fn task(robot: &Robot, change: fn(&mut TaskSettings)) -> Arc<Task> {
     let mut settings = common::task_settings();
@@ -127,7 +118,9 @@ fn a_state_on_uneven_ground_goes_on_with_the_same_bytes() {
 #[test]
 fn feet_lie_on_the_ground_that_is_computed_wherever_the_robot_is() {
     let robot = Robot::load("doggo").unwrap();
-    let task = task(&robot, |settings| settings.ground = Some(GroundSettings { roughness: Some(0.3), ..smooth() }));
+    let task = task(&robot, |settings| {
+        settings.ground = Some(GroundSettings { roughness: Some(0.3), ..GroundSettings::smooth() });
+    });
     let (mut env, _) = stands(&task, 8);
     let mut observation = vec![0.0; task.num_observations()];
     let period_m = 24.0 * 0.17;
@@ -157,7 +150,8 @@ fn too_low_is_measured_from_the_ground_below() {
     let lie_down = |curb: f64| {
         let mut settings = common::task_settings();
         settings.start_noise_rad = 0.0;
-        settings.ground = Some(GroundSettings { curb_height: Some(curb), curb_length: Some(12.0), ..smooth() });
+        settings.ground =
+            Some(GroundSettings { curb_height: Some(curb), curb_length: Some(12.0), ..GroundSettings::smooth() });
         let policy = common::policy_settings("sine", ModulationChoice::Direct);
         let task = common::task(robot.clone(), &settings, &policy);
         // The curb begins at the start's line; a metre on it is one height everywhere.
@@ -185,7 +179,7 @@ fn patches_give_the_feet_their_friction() {
     let robot = Robot::load("doggo").unwrap();
     let task = task(&robot, |settings| {
         settings.friction = Some(0.5);
-        settings.ground = Some(GroundSettings { patch_friction: Some(vec![1.0, 1.4]), ..smooth() });
+        settings.ground = Some(GroundSettings { patch_friction: Some(vec![1.0, 1.4]), ..GroundSettings::smooth() });
     });
     let mut env = Env::new(task.clone());
     let mut observation = vec![0.0; task.num_observations()];

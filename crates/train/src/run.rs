@@ -1,6 +1,6 @@
 //! The training loop.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use canter_learn::metrics::UpdateMetrics;
@@ -9,10 +9,13 @@ use canter_sim::Accident;
 use serde_json::{Value, json};
 
 use crate::checkpoint::{Checkpoint, CheckpointError};
+use crate::config::Resolved;
+use crate::evaluate::{Verdict, judge};
 use crate::executor::Workers;
 use crate::policy_file::PolicyFile;
-use crate::run_directory::{RunDirectory, RunError};
+use crate::run_directory::{RunDirectory, RunError, trajectory_folder, write_json, write_trajectory};
 use crate::trainer::{IterationReport, Trainer};
+use crate::trajectory::record_all;
 
 /// How a training came to its end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -102,6 +105,28 @@ pub fn train(
     directory.write_checkpoint(&Checkpoint::of(trainer))?;
     directory.write_policy(&PolicyFile::of(trainer))?;
     Ok(Ending::Finished)
+}
+
+/// Judges a policy that has been trained in `folder` and records its episodes; leaves `trajectories/` and then `eval.json`,
+/// with which the run is complete. Returns the verdict and what stands in the file.
+///
+/// # Errors
+/// A file that cannot be written.
+pub fn judge_trained(
+    folder: &Path,
+    resolved: &Resolved,
+    policy: &PolicyFile,
+    workers: &Workers,
+) -> Result<(Verdict, Value), RunError> {
+    let (task, evaluation, prior) = (&resolved.task, &resolved.config.evaluation, &resolved.config.policy.prior);
+    let policy = policy.policy();
+    let verdict = judge(task, prior, Some(&policy), evaluation, workers);
+    for trajectory in record_all(task, prior, Some(&policy), evaluation, workers) {
+        write_trajectory(&trajectory_folder(folder), &trajectory)?;
+    }
+    let json = serde_json::to_value(&verdict).expect("a verdict has string keys only");
+    write_json(&folder.join("eval.json"), &json)?;
+    Ok((verdict, json))
 }
 
 /// The line of `metrics.jsonl` for an iteration; `docs/metrics.md` defines its numbers.

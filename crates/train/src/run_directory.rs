@@ -201,15 +201,7 @@ impl RunDirectory {
     /// # Errors
     /// The system's.
     pub fn write_json(&self, name: &str, value: &serde_json::Value) -> Result<(), RunError> {
-        write_whole(&self.path.join(name), format!("{value:#}\n").as_bytes())
-    }
-
-    /// Writes `trajectories/<name>.json`.
-    ///
-    /// # Errors
-    /// The system's.
-    pub fn write_trajectory(&self, trajectory: &Trajectory) -> Result<(), RunError> {
-        write_trajectory(&trajectory_folder(&self.path), trajectory)
+        write_json(&self.path.join(name), value)
     }
 
     /// Writes `policy.safetensors`.
@@ -410,6 +402,11 @@ pub fn write_trajectory(folder: &Path, trajectory: &Trajectory) -> Result<(), Ru
     write_whole(&folder.join(format!("{}.json", trajectory.name)), format!("{json}\n").as_bytes())
 }
 
+/// Writes a JSON file whole, its keys sorted.
+pub(crate) fn write_json(path: &Path, value: &serde_json::Value) -> Result<(), RunError> {
+    write_whole(path, format!("{value:#}\n").as_bytes())
+}
+
 /// What led to a blow-up, and the run that it belongs to.
 ///
 /// # Errors
@@ -450,7 +447,7 @@ pub(crate) fn read_metrics(path: &Path) -> Result<Option<String>, RunError> {
     }
 }
 
-fn trajectory_folder(run: &Path) -> PathBuf {
+pub(crate) fn trajectory_folder(run: &Path) -> PathBuf {
     run.join("trajectories")
 }
 

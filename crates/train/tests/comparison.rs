@@ -4,13 +4,13 @@ mod common;
 
 use std::fs;
 use std::path::Path;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use canter_train::compare::protocol::{CompareSettings, EvaluationCard, Quantity, Rung, SearchCard, Sweep};
 use canter_train::compare::{CompareFolder, compare};
 use canter_train::jobs::JobsError;
 use canter_train::search::tuned::{Objective, Search, SearchSettings};
-use common::TemporaryFolder;
+use common::{TemporaryFolder, looking_on};
 use serde_json::Value;
 
 fn tiny() -> CompareSettings {
@@ -42,14 +42,8 @@ fn tiny() -> CompareSettings {
 /// Whether it came to its end; `stop_after` counts what the jobs report.
 fn run_in(path: &Path, settings: &CompareSettings, num_threads: usize, stop_after: Option<u64>) -> bool {
     let folder = CompareFolder::open(Some(path), settings).unwrap();
-    let (stop, reports) = (AtomicBool::new(false), AtomicU64::new(0));
-    let observe = |progress: canter_train::jobs::progress::JobsProgress| {
-        assert!(progress.env_steps <= progress.num_env_steps && progress.jobs <= progress.num_jobs);
-        if stop_after == Some(reports.fetch_add(1, Ordering::Relaxed)) {
-            stop.store(true, Ordering::Relaxed);
-        }
-    };
-    compare(&folder, num_threads, &stop, &observe).unwrap().is_some()
+    let stop = AtomicBool::new(false);
+    compare(&folder, num_threads, &stop, &looking_on(&stop, stop_after)).unwrap().is_some()
 }
 
 #[test]

@@ -233,7 +233,7 @@ fn what_a_verdict_compares_is_recorded_once_each_with_the_same_bytes_every_time(
     let directory = RunDirectory::create(Some(&folder.join("run")), "tiny", &config.clone()).unwrap();
     let bytes = |trajectories: &[Trajectory]| -> Vec<Vec<u8>> {
         let write = |trajectory: &Trajectory| {
-            directory.write_trajectory(trajectory).unwrap();
+            write_trajectory(&directory.path().join("trajectories"), trajectory).unwrap();
             fs::read(directory.path().join(format!("trajectories/{}.json", trajectory.name))).unwrap()
         };
         trajectories.iter().map(write).collect()

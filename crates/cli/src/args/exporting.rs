@@ -4,6 +4,8 @@ use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 
+use super::WorkerThreads;
+
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Formats:
@@ -28,9 +30,8 @@ pub struct ExportArgs {
     /// Write the files even if a limit is broken, with a warning
     #[arg(long)]
     pub allow_unsafe: bool,
-    /// Worker threads; as many as there are cores if not given
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
-    pub threads: Option<u16>,
+    #[command(flatten)]
+    pub workers: WorkerThreads,
 }
 
 /// What a policy can be exported as.

@@ -7,7 +7,7 @@ use canter_train::config::DEFAULT_PRESET;
 use canter_train::sweep::plan::Axis;
 use clap::Args;
 
-use super::key_value;
+use super::{WorkerThreads, key_value};
 use crate::output::LogFormat;
 
 #[derive(Debug, Args)]
@@ -28,9 +28,8 @@ pub struct TrainArgs {
     /// Seed of every random stream; the same seed gives the same bytes, whatever the number of threads
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub seed: Option<u64>,
-    /// Worker threads; as many as there are cores if not given
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
-    pub threads: Option<u16>,
+    #[command(flatten)]
+    pub workers: WorkerThreads,
     /// Env steps of training; short for `--set training.max_env_steps=N`
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub steps: Option<u64>,
@@ -52,9 +51,8 @@ pub struct TrainArgs {
 pub struct ResumeArgs {
     /// The run directory
     pub run: PathBuf,
-    /// Worker threads; as many as there are cores if not given
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
-    pub threads: Option<u16>,
+    #[command(flatten)]
+    pub workers: WorkerThreads,
     /// Form of what is printed: sentences, or one JSON object a line
     #[arg(long, value_name = "FORMAT", default_value = "text")]
     pub log_format: LogFormat,

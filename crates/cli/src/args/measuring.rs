@@ -4,6 +4,8 @@ use std::path::PathBuf;
 
 use clap::Args;
 
+use super::WorkerThreads;
+
 #[derive(Clone, Debug, Args)]
 #[command(after_help = "\
 Examples:
@@ -35,9 +37,8 @@ pub struct EvalArgs {
     /// Seed of the random starts
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub seed: Option<u64>,
-    /// Worker threads; as many as there are cores if not given
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
-    pub threads: Option<u16>,
+    #[command(flatten)]
+    pub workers: WorkerThreads,
     /// Print JSON instead of a table
     #[arg(long)]
     pub json: bool,
@@ -62,9 +63,8 @@ pub struct RobustnessArgs {
     /// Seed of the random starts
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub seed: Option<u64>,
-    /// Worker threads; as many as there are cores if not given
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
-    pub threads: Option<u16>,
+    #[command(flatten)]
+    pub workers: WorkerThreads,
     /// Print JSON instead of tables
     #[arg(long)]
     pub json: bool,

@@ -5,7 +5,7 @@ mod learning;
 mod measuring;
 mod robots;
 
-use clap::{Parser, Subcommand};
+use clap::{Args, Parser, Subcommand};
 
 pub use exporting::{ExportArgs, ExportFormat, RunArgs};
 pub use learning::{CompareArgs, ConfigArgs, ReplayArgs, ResumeArgs, SweepArgs, TrainArgs};
@@ -66,6 +66,14 @@ pub enum Command {
     /// Compile a model, within limits of time and memory
     #[command(hide = true)]
     CompileModel(CompileModelArgs),
+}
+
+// What is said of a group of options would become the help of the command that has them.
+#[derive(Clone, Copy, Debug, Args)]
+pub struct WorkerThreads {
+    /// Worker threads; as many as there are cores if not given
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub threads: Option<u16>,
 }
 
 /// `KEY=VALUE` in its two parts.
@@ -135,7 +143,9 @@ mod tests {
                     assert!((0.1..=60.0).contains(&args.seconds) && (1..=50).contains(&args.fps));
                     assert!(args.size.iter().all(|&pixels| (120..=3840).contains(&pixels)));
                 }
-                Command::Train(args) => assert!(args.threads.is_none_or(|threads| (1..=1024).contains(&threads))),
+                Command::Train(args) => {
+                    assert!(args.workers.threads.is_none_or(|threads| (1..=1024).contains(&threads)));
+                }
                 _ => {}
             }
             Ok(())

@@ -4,6 +4,8 @@ use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
 
+use super::WorkerThreads;
+
 #[derive(Debug, Args)]
 pub struct RobotsArgs {
     /// Name of a robot, or path of a robot.toml: prints it with the meaning of every value
@@ -44,9 +46,8 @@ pub struct RobotNewArgs {
     /// The robot's name; that of the model's file if not given
     #[arg(long, value_name = "NAME")]
     pub name: Option<String>,
-    /// Worker threads; as many as there are cores if not given
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
-    pub threads: Option<u16>,
+    #[command(flatten)]
+    pub workers: WorkerThreads,
 }
 
 #[derive(Debug, Args)]
@@ -66,9 +67,8 @@ pub struct RobotCheckArgs {
     /// Episodes that each default gait walks
     #[arg(long, value_name = "N", default_value_t = 4, value_parser = clap::value_parser!(u16).range(2..=1000))]
     pub episodes: u16,
-    /// Worker threads; as many as there are cores if not given
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
-    pub threads: Option<u16>,
+    #[command(flatten)]
+    pub workers: WorkerThreads,
     /// Print JSON instead of sentences
     #[arg(long)]
     pub json: bool,
@@ -113,9 +113,8 @@ pub struct GaitFitArgs {
     /// Do not measure how fast table and gait walk
     #[arg(long)]
     pub no_eval: bool,
-    /// Worker threads; as many as there are cores if not given
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
-    pub threads: Option<u16>,
+    #[command(flatten)]
+    pub workers: WorkerThreads,
 }
 
 /// What `canter gait fit` fits.

@@ -22,7 +22,7 @@ pub fn eval(args: &EvalArgs) -> Result<ExitCode, CliError> {
         return every_gait(robot, args);
     }
     let (resolved, policy) = subject(args)?;
-    let workers = workers(args.threads)?;
+    let workers = workers(args.workers.threads)?;
     let policy = policy.as_ref().map(PolicyFile::policy);
     let prior = &resolved.config.policy.prior;
     let verdict = judge(&resolved.task, prior, policy.as_ref(), &resolved.config.evaluation, &workers);
@@ -39,7 +39,7 @@ pub fn eval(args: &EvalArgs) -> Result<ExitCode, CliError> {
 fn every_gait(robot: &str, args: &EvalArgs) -> Result<ExitCode, CliError> {
     let first = Robot::load(robot)?.gaits.first().map(|gait| gait.name.clone());
     let (resolved, _) = subject(&EvalArgs { prior: first, ..args.clone() })?;
-    let workers = workers(args.threads)?;
+    let workers = workers(args.workers.threads)?;
     let settings = &resolved.config.evaluation;
     let gaits = &resolved.task.robot.gaits;
     let measure = |gait: &NamedGait| {

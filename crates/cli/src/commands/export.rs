@@ -21,7 +21,7 @@ type Files = Vec<(String, Vec<u8>)>;
 /// `canter export`.
 pub fn export(args: &ExportArgs) -> Result<ExitCode, CliError> {
     let (resolved, policy) = learned(&args.run, |document| document)?;
-    let workers = workers(args.threads)?;
+    let workers = workers(args.workers.threads)?;
     let settings = &resolved.config.evaluation;
     let exported = Exported::new(&resolved.task, &policy)?;
     let name = format_name(args.format);

@@ -7,12 +7,12 @@ use std::sync::Arc;
 use canter_sim::robot::table::Recording;
 use canter_sim::settings::write_plain;
 use canter_sim::{NamedGait, Robot};
-use canter_train::config::{DEFAULT_PRESET, open_preset, resolve};
+use canter_train::config::resolve;
 use canter_train::evaluate::{GaitReport, Mover, evaluate};
 use canter_train::gait_fit::{self, Fit, GaitBlock, Shape};
 
 use crate::args::{FitShape, GaitArgs, GaitCommand, GaitFitArgs, GaitTableArgs};
-use crate::commands::workers;
+use crate::commands::{bare_gait, workers};
 use crate::error::CliError;
 use crate::output::say;
 
@@ -67,7 +67,7 @@ fn fit(args: &GaitFitArgs) -> Result<ExitCode, CliError> {
     say(&describe(&robot, &fitted, &path, targets.len()));
     if !args.no_eval {
         let table = recording.gait(&robot, "table", args.frequency as f32).map_err(refused)?;
-        let [table, gait] = measure(args, [table, fitted.gait.clone()])?;
+        let [table, gait] = measure(args, &robot, [table, fitted.gait.clone()])?;
         say(&format!("# The table: {}\n# This gait: {}", speed(&table), speed(&gait)));
     }
     say(&format!("\n{}", write_plain(&GaitBlock { gaits: vec![fitted.settings] }).trim()));
@@ -95,17 +95,11 @@ fn describe(robot: &Robot, fitted: &Fit, path: &str, num_rows: usize) -> String 
 }
 
 /// Both gaits by the default preset's protocol.
-fn measure(args: &GaitFitArgs, gaits: [NamedGait; 2]) -> Result<[GaitReport; 2], CliError> {
-    let mut document = open_preset(DEFAULT_PRESET)?;
-    let robot = Robot::load(&args.robot)?;
-    document.set_string("robot", &args.robot);
+fn measure(args: &GaitFitArgs, robot: &Robot, gaits: [NamedGait; 2]) -> Result<[GaitReport; 2], CliError> {
     // Any of the robot's gaits will do: others take its place.
-    document.set_string("policy.prior", robot.gaits.first().map_or("", |gait| &gait.name));
-    document.set("policy.modulation", "direct");
-    document.set("policy.authority", "1");
-    document.set("policy.symmetric", "false");
+    let document = bare_gait(&args.robot, robot.gaits.first().map_or("", |gait| &gait.name))?;
     let resolved = resolve(&document)?;
-    let workers = workers(args.threads)?;
+    let workers = workers(args.workers.threads)?;
     let mut task = resolved.task;
     let names = gaits.each_ref().map(|gait| gait.name.clone());
     Arc::make_mut(&mut Arc::make_mut(&mut task).robot).gaits = gaits.into();

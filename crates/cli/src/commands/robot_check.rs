@@ -68,7 +68,7 @@ fn walk(args: &RobotCheckArgs, (number, name): (usize, &str), found: &mut Checku
     let mut document = bare_gait(&args.robot, name)?;
     document.set("evaluation.num_episodes", &args.episodes.to_string());
     let resolved = resolve(&document)?;
-    let report = evaluate(&resolved.task, Mover::Prior, &resolved.config.evaluation, &workers(args.threads)?);
+    let report = evaluate(&resolved.task, Mover::Prior, &resolved.config.evaluation, &workers(args.workers.threads)?);
     let key = |key: &str| format!("gaits[{number}].{key}");
     let settings = &resolved.task.robot.settings.gaits[number];
     // The way of a foot on the ground in the time that it is there.

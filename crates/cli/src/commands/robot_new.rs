@@ -61,7 +61,7 @@ pub fn robot_new(args: &RobotNewArgs) -> Result<ExitCode, CliError> {
     let path = robot_file.display().to_string();
     let loaded = Robot::load(&path).map(|_| ());
     if loaded.is_ok() {
-        make_walk(&path, &mut drafted, args.threads)?;
+        make_walk(&path, &mut drafted, args.workers.threads)?;
         write_robot(&robot_file, &drafted)?;
     }
 

@@ -25,7 +25,7 @@ struct Group {
 
 /// `canter robustness`.
 pub fn robustness(args: &RobustnessArgs) -> Result<ExitCode, CliError> {
-    let workers = workers(args.threads)?;
+    let workers = workers(args.workers.threads)?;
     let mut groups: Vec<Group> = Vec::new();
     for run in &args.runs {
         let (resolved, policy): (_, PolicyFile) = learned(run, |document| with_overrides(document, args))?;

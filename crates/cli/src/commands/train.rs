@@ -6,13 +6,11 @@ use std::time::Instant;
 
 use canter_sim::mujoco;
 use canter_train::config::{open_preset, resolve};
-use canter_train::evaluate::judge;
 use canter_train::executor::Workers;
 use canter_train::policy_file::PolicyFile;
 use canter_train::run::{self, Ending, Observed, metrics};
 use canter_train::run_directory::{RunDirectory, policy_path, read_config};
 use canter_train::trainer::Trainer;
-use canter_train::trajectory::record_all;
 use serde_json::json;
 
 use crate::args::{ResumeArgs, TrainArgs};
@@ -44,7 +42,7 @@ pub fn train(args: &TrainArgs) -> Result<ExitCode, CliError> {
         document.set("training.max_env_steps", &steps.to_string());
     }
     let resolved = resolve(&document)?;
-    let workers = workers(args.threads)?;
+    let workers = workers(args.workers.threads)?;
     let stem = Path::new(&args.preset).file_stem().map_or_else(|| "run".into(), |stem| stem.to_string_lossy());
     let directory = RunDirectory::create(args.out.as_deref(), &stem, &resolved.config)?;
     say(&format!(
@@ -65,7 +63,7 @@ pub fn resume(args: &ResumeArgs) -> Result<ExitCode, CliError> {
     set_log_format(args.log_format);
     let directory = RunDirectory::open(&args.run)?;
     let resolved = read_config(&args.run)?;
-    let workers = workers(args.threads)?;
+    let workers = workers(args.workers.threads)?;
     let mut trainer = Trainer::new(resolved);
     for reason in run::pick_up(&mut trainer, &directory)? {
         complain(&format!("skipping a damaged checkpoint: {reason}"));
@@ -140,16 +138,8 @@ fn go_on(mut trainer: Trainer, directory: &RunDirectory, workers: &Workers) -> R
             100.0 * update_s / (collect_s + update_s)
         ));
     }
-    let resolved = trainer.resolved();
     let policy = PolicyFile::of(&trainer);
-    let config = &resolved.config;
-    let (task, prior, policy) = (&resolved.task, &config.policy.prior, policy.policy());
-    let verdict = judge(task, prior, Some(&policy), &config.evaluation, workers);
-    for trajectory in record_all(task, prior, Some(&policy), &config.evaluation, workers) {
-        directory.write_trajectory(&trajectory)?;
-    }
-    let json = serde_json::to_value(&verdict).expect("a verdict has string keys only");
-    directory.write_json("eval.json", &json)?;
+    let (verdict, json) = run::judge_trained(directory.path(), trainer.resolved(), &policy, workers)?;
     event("verdict", || json);
     say(&format!("\n{}\n", describe(&verdict)));
     report_finished(directory.path());

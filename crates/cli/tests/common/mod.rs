@@ -1,34 +1,20 @@
 //! What the tests of this crate share: the real program, run in a folder of its own with an empty environment.
 #![allow(dead_code, reason = "each test binary uses its part")]
 
-use std::fs;
+#[path = "../../../train/tests/common/folder.rs"]
+mod folder;
+
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
-use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc;
 use std::thread;
 use std::time::Duration;
 
-/// A folder of this test alone, removed when dropped.
-pub struct TemporaryFolder(PathBuf);
+#[allow(unused_imports, reason = "each test binary uses its part")]
+pub use folder::TemporaryFolder;
 
 impl TemporaryFolder {
-    pub fn new() -> Self {
-        static NEXT: AtomicU64 = AtomicU64::new(0);
-        let number = NEXT.fetch_add(1, Ordering::Relaxed);
-        let path = std::env::temp_dir().join(format!("canter-cli-test-{}-{number}", std::process::id()));
-        fs::create_dir_all(&path).unwrap();
-        Self(path)
-    }
-
-    pub fn path(&self) -> &Path {
-        &self.0
-    }
-
-    pub fn join(&self, name: &str) -> PathBuf {
-        self.0.join(name)
-    }
-
     /// Runs canter here and gives up on it after `limit_s`: `None`.
     pub fn canter_within(&self, args: &[&str], limit_s: u64) -> Option<Finished> {
         let child = canter_in(self.path(), args).spawn().unwrap();
@@ -47,12 +33,6 @@ impl TemporaryFolder {
     /// Runs canter here.
     pub fn canter(&self, args: &[&str]) -> Finished {
         Finished::of(&canter_in(self.path(), args).output().unwrap())
-    }
-}
-
-impl Drop for TemporaryFolder {
-    fn drop(&mut self) {
-        let _ = fs::remove_dir_all(&self.0);
     }
 }
 

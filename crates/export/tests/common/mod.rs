@@ -1,12 +1,14 @@
 //! What the tests of this crate share: trained policies, recorded control steps, and programs that repeat them.
 #![allow(dead_code, reason = "each test binary uses its part")]
 
+#[path = "../../../train/tests/common/folder.rs"]
+mod folder;
+
 use std::fs;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, Ordering};
 
 use canter_export::Exported;
 use canter_export::exported::{Readings, Running, TestVector};
@@ -16,6 +18,9 @@ use canter_train::config::{Resolved, open_preset, resolve};
 use canter_train::executor::Workers;
 use canter_train::policy_file::PolicyFile;
 use canter_train::trainer::Trainer;
+
+#[allow(unused_imports, reason = "each test binary uses its part")]
+pub use folder::TemporaryFolder;
 
 /// What every export must keep to, in rad and cycles.
 pub const LIMIT: f32 = 1e-5;
@@ -39,33 +44,6 @@ pub const CASES: [Case; 12] = [
     ("q8bot", "trot", "residual", &[]),
     ("quad12", "trot", "residual", &[]),
 ];
-
-/// A folder of this test alone, removed when dropped.
-pub struct TemporaryFolder(PathBuf);
-
-impl TemporaryFolder {
-    pub fn new() -> Self {
-        static NEXT: AtomicU64 = AtomicU64::new(0);
-        let number = NEXT.fetch_add(1, Ordering::Relaxed);
-        let path = std::env::temp_dir().join(format!("canter-export-test-{}-{number}", std::process::id()));
-        fs::create_dir_all(&path).unwrap();
-        Self(path)
-    }
-
-    pub fn path(&self) -> &Path {
-        &self.0
-    }
-
-    pub fn join(&self, name: &str) -> PathBuf {
-        self.0.join(name)
-    }
-}
-
-impl Drop for TemporaryFolder {
-    fn drop(&mut self) {
-        let _ = fs::remove_dir_all(&self.0);
-    }
-}
 
 /// A preset for a robot with its gait and a modulation, in few small environments.
 pub fn resolved(preset: &str, changes: &[(&str, &str)]) -> Resolved {

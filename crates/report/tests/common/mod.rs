@@ -1,35 +1,17 @@
 //! Sample files: a run directory and a comparison with plausible numbers of a trotting robot, the same each time.
 #![allow(dead_code, reason = "each user takes its part")]
 
+#[path = "../../../train/tests/common/folder.rs"]
+mod folder;
+
 use std::f64::consts::TAU;
 use std::fs;
-use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::path::Path;
 
 use serde_json::{Value, json};
 
-/// A folder of this test alone, removed when dropped.
-pub struct TemporaryFolder(PathBuf);
-
-impl TemporaryFolder {
-    pub fn new() -> Self {
-        static NEXT: AtomicU64 = AtomicU64::new(0);
-        let number = NEXT.fetch_add(1, Ordering::Relaxed);
-        let path = std::env::temp_dir().join(format!("canter-report-test-{}-{number}", std::process::id()));
-        fs::create_dir_all(&path).unwrap();
-        Self(path)
-    }
-
-    pub fn join(&self, name: &str) -> PathBuf {
-        self.0.join(name)
-    }
-}
-
-impl Drop for TemporaryFolder {
-    fn drop(&mut self) {
-        let _ = fs::remove_dir_all(&self.0);
-    }
-}
+#[allow(unused_imports, reason = "each test binary uses its part")]
+pub use folder::TemporaryFolder;
 
 /// Fixed noise in [-1, 1].
 fn noise(i: usize) -> f64 {

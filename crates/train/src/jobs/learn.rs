@@ -11,7 +11,7 @@ use crate::config::Resolved;
 use crate::executor::Workers;
 use crate::policy_file::PolicyFile;
 use crate::run::{Ending, pick_up, train};
-use crate::run_directory::{RunDirectory, RunError, io_error, policy_path, read_config, read_policy, write_whole};
+use crate::run_directory::{self, RunDirectory, RunError, io_error, policy_path, read_config, read_policy};
 use crate::tensors::read_file;
 use crate::trainer::Trainer;
 
@@ -74,5 +74,5 @@ pub(crate) fn wrong(path: &Path) -> impl FnOnce(String) -> JobsError {
 /// Writes a JSON file whole, its keys sorted.
 pub(crate) fn write_json<T: Serialize>(path: &Path, value: &T) -> Result<(), JobsError> {
     let value = serde_json::to_value(value).expect("its keys are strings");
-    Ok(write_whole(path, format!("{value:#}\n").as_bytes())?)
+    Ok(run_directory::write_json(path, &value)?)
 }

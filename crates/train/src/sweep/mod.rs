@@ -12,11 +12,10 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use canter_sim::settings::write_commented;
 use serde_json::{Value, json};
 
-use crate::evaluate::judge;
 use crate::executor::Workers;
 use crate::jobs::progress::{JobsProgress, Meter};
 use crate::jobs::{JobResult, JobsError, JobsFolder, Watch, learn, read_json, run_all, write_json};
-use crate::trajectory::record_all;
+use crate::run::judge_trained;
 use plan::{Plan, PlanError, Point};
 use results::{Measured, Sweep};
 
@@ -26,6 +25,8 @@ pub struct SweepFolder {
     folder: JobsFolder,
     plan: Plan,
     points: Vec<Point>,
+    /// Env steps of all trainings.
+    num_env_steps: u64,
 }
 
 /// Why there is no sweep.
@@ -50,9 +51,10 @@ impl SweepFolder {
     pub fn open(path: Option<&Path>, plan: Plan) -> Result<Self, SweepError> {
         let points = plan.points()?;
         let first_seed = plan.seeds.first().copied().unwrap_or(0);
-        let mut cards = Vec::new();
+        let (mut cards, mut num_env_steps) = (Vec::new(), 0);
         for point in &points {
             let resolved = plan.resolved(point, first_seed).map_err(JobsError::Config)?;
+            num_env_steps += resolved.config.training.max_env_steps * plan.seeds.len() as u64;
             cards.push(json!({
                 "configuration": write_commented(&resolved.config),
                 "robot_fingerprint": format!("{:016x}", resolved.task.robot.fingerprint),
@@ -65,7 +67,7 @@ impl SweepFolder {
             "points": cards,
         });
         let folder = JobsFolder::open(path, "sweep", &card)?;
-        Ok(Self { folder, plan, points })
+        Ok(Self { folder, plan, points, num_env_steps })
     }
 
     /// The folder.
@@ -99,13 +101,7 @@ pub fn sweep(
     let SweepFolder { plan, points, .. } = folder;
     let jobs: Vec<(usize, u64)> =
         (0..points.len()).flat_map(|point| plan.seeds.iter().map(move |&seed| (point, seed))).collect();
-    let first_seed = plan.seeds.first().copied().unwrap_or(0);
-    let mut planned_steps = 0;
-    for point in points {
-        let config = plan.resolved(point, first_seed).map_err(JobsError::Config)?.config;
-        planned_steps += config.training.max_env_steps * plan.seeds.len() as u64;
-    }
-    let meter = Meter::new(jobs.len(), planned_steps, observe);
+    let meter = Meter::new(jobs.len(), folder.num_env_steps, observe);
     let watch = Watch { stop, meter: &meter };
     let name = |(point, seed): (usize, u64)| format!("{}-{seed}", point + 1);
     let run = |number: usize, workers: &Workers| {
@@ -141,16 +137,8 @@ fn train_point(
     if watch.stop.load(Ordering::Relaxed) {
         return Ok(None);
     }
-    let (task, config) = (resolved.task.clone(), resolved.config.clone());
-    let Some(file) = learn(resolved, folder, watch, workers)? else { return Ok(None) };
-    let (prior, policy) = (&config.policy.prior, file.policy());
-    let verdict = judge(&task, prior, Some(&policy), &config.evaluation, workers);
-    for trajectory in record_all(&task, prior, Some(&policy), &config.evaluation, workers) {
-        crate::run_directory::write_trajectory(&folder.join("trajectories"), &trajectory)?;
-    }
-    let verdict = serde_json::to_value(&verdict).expect("a verdict has string keys only");
-    // Last: with it the job is done.
-    write_json(&verdict_path, &verdict)?;
+    let Some(policy) = learn(resolved.clone(), folder, watch, workers)? else { return Ok(None) };
+    let (_, verdict) = judge_trained(folder, &resolved, &policy, workers)?;
     watch.meter.finish_job();
     Ok(Measured::of(&verdict, seed))
 }

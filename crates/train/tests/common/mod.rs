@@ -1,42 +1,21 @@
 //! What the tests of this crate share: tiny runs, and folders that vanish.
 #![allow(dead_code, reason = "each test binary uses its part")]
 
+mod folder;
+
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 use canter_train::config::{Resolved, open_preset, resolve};
 use canter_train::executor::Workers;
+use canter_train::jobs::progress::JobsProgress;
 use canter_train::run::{self, Ending};
 use canter_train::run_directory::RunDirectory;
 use canter_train::trainer::Trainer;
 
-/// A folder of this test alone, removed when dropped.
-pub struct TemporaryFolder(PathBuf);
-
-impl TemporaryFolder {
-    pub fn new() -> Self {
-        static NEXT: AtomicU64 = AtomicU64::new(0);
-        let number = NEXT.fetch_add(1, Ordering::Relaxed);
-        let path = std::env::temp_dir().join(format!("canter-train-test-{}-{number}", std::process::id()));
-        fs::create_dir_all(&path).unwrap();
-        Self(path)
-    }
-
-    pub fn path(&self) -> &Path {
-        &self.0
-    }
-
-    pub fn join(&self, name: &str) -> PathBuf {
-        self.0.join(name)
-    }
-}
-
-impl Drop for TemporaryFolder {
-    fn drop(&mut self) {
-        let _ = fs::remove_dir_all(&self.0);
-    }
-}
+#[allow(unused_imports, reason = "each test binary uses its part")]
+pub use folder::TemporaryFolder;
 
 /// The default preset made tiny: 4 environments on level ground, 32 steps, short episodes, small networks. `changes` come
 /// last.
@@ -134,5 +113,16 @@ pub fn draws(seed: u64) -> impl FnMut(usize) -> usize {
         z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
         z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
         ((z ^ (z >> 31)) % bound as u64) as usize
+    }
+}
+
+/// Looks on at jobs, whose counts must stay within what was planned, and stops them at report number `stop_after`.
+pub fn looking_on(stop: &AtomicBool, stop_after: Option<u64>) -> impl Fn(JobsProgress) + Sync {
+    let reports = AtomicU64::new(0);
+    move |progress| {
+        assert!(progress.env_steps <= progress.num_env_steps && progress.jobs <= progress.num_jobs);
+        if stop_after == Some(reports.fetch_add(1, Ordering::Relaxed)) {
+            stop.store(true, Ordering::Relaxed);
+        }
     }
 }

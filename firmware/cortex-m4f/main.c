@@ -106,7 +106,7 @@ __attribute__((noinline)) static void run(void)
         host(SYS_WRITE0, "self test failed\n");
         leave(EXIT_ERROR);
     }
-    canter_init(&state, targets);
+    canter_init(&state);
     SYSTICK_RELOAD = SYSTICK_MAX;
     SYSTICK_VALUE = 0;
     /* On, with the processor's own clock. */

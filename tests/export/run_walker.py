@@ -2,7 +2,7 @@
 
 usage: run_walker.py FOLDER < inputs > outputs
 
-FOLDER holds policy.onnx and run_policy.py. A record of the input holds all readings (motor angles, motor velocities,
+FOLDER holds policy.onnx, start.onnx and run_policy.py. A record of the input holds all readings (motor angles, motor velocities,
 orientation, angular velocity), their age and whether to walk; one of the output holds the targets and the mode's number;
 all are little-endian 32-bit floats.
 """
@@ -14,7 +14,7 @@ import numpy as np
 sys.path.insert(0, sys.argv[1])
 from run_policy import Walker  # noqa: E402
 
-MODES = ["standing", "ramping-in", "walking", "ramping-out", "holding"]
+MODES = ["waiting", "rising", "standing", "ramping-in", "walking", "ramping-out", "holding"]
 
 walker = Walker(f"{sys.argv[1]}/policy.onnx")
 m = len(walker.actuators)
@@ -28,4 +28,5 @@ for record in records:
     }
     walker.walk(record[2 * m + 7] != 0)
     targets = walker.step(readings, float(record[2 * m + 6]))
+    targets = np.zeros(m) if targets is None else targets
     sys.stdout.buffer.write(np.append(targets, MODES.index(walker.mode)).astype("<f4").tobytes())

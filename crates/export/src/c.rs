@@ -9,7 +9,7 @@ use canter_gait::mirror::Component;
 use canter_gait::normaliser::OBSERVATION_LIMIT;
 use canter_gait::prior::TABLE_POINTS;
 use canter_gait::{
-    Actuators, Leg, LegGait, LegGeometry, Modulation, ObservationBlock, Range, RuntimeSettings, Waveform, action, tanh,
+    Actuators, Leg, LegGait, LegGeometry, Modulation, ObservationBlock, Range, Waveform, action, tanh,
 };
 
 use crate::exported::{Exported, TestVector};
@@ -70,8 +70,8 @@ fn header(exported: &Exported<'_>) -> String {
     fill(
         HEADER,
         &[
-            ("TITLE", exported.title()),
-            ("VERSION", card.provenance.canter.clone()),
+            ("TITLE", plain(&exported.title())),
+            ("VERSION", plain(&card.provenance.canter)),
             ("RATE", format!("{:.0}", 1.0 / exported.control_dt_s())),
             ("ROBOT", plain(&card.robot.name)),
             ("GAIT", plain(&card.gait.name)),
@@ -80,8 +80,8 @@ fn header(exported: &Exported<'_>) -> String {
             ("NUM_ACTIONS", controller.num_actions().to_string()),
             ("NUM_HIDDEN", exported.policy().network.shape().hidden.to_string()),
             ("CONTROL_DT", c(exported.control_dt_s())),
-            ("RAMP", c(RuntimeSettings::DEFAULT.ramp_s)),
-            ("TIMEOUT", c(RuntimeSettings::DEFAULT.sensor_timeout_s)),
+            ("RAMP", c(exported.runtime_settings().ramp_s)),
+            ("TIMEOUT", c(exported.runtime_settings().sensor_timeout_s)),
             ("ACTUATORS", plain(&exported.actuators().join(", "))),
             ("UNUSED", unused),
         ],
@@ -105,7 +105,7 @@ fn source(exported: &Exported<'_>) -> String {
     fill(
         SOURCE,
         &[
-            ("TITLE", exported.title()),
+            ("TITLE", plain(&exported.title())),
             ("DATA", data(exported)),
             ("BLOCKS", blocks.join(", ")),
             ("MIRRORED_OBSERVATION", mirror.map_or(String::new(), |maps| components(maps.observation()))),
@@ -150,11 +150,13 @@ fn data(exported: &Exported<'_>) -> String {
     let has_joints = any_leg(|leg| matches!(leg.actuators, Actuators::Joints(_)));
     // Geometry is code only where something has to be converted.
     let is_direct = law.modulation == Modulation::Direct;
-    let converts = has_joints || is_direct;
-    // From motor angles to leg space, as what a residual has moved.
-    let converts_back = is_direct || (law.modulation == Modulation::Residual && has_joints);
+    let has_leg_space = any_leg(|leg| matches!(leg.actuators, Actuators::LegSpace));
+    // From motor angles to leg space, as what a residual has moved, and where the robot is at the start.
+    let converts_back = has_leg_space || is_direct || (law.modulation == Modulation::Residual && has_joints);
+    let converts = has_joints || converts_back;
     define("CANTER_HAS_MIRROR", flag(exported.task().mirror_maps().is_some()));
     define("CANTER_HAS_JOINTS", flag(has_joints));
+    define("CANTER_HAS_LEG_SPACE", flag(has_leg_space));
     define("CANTER_HAS_SERIAL", flag(has_serial && converts));
     define("CANTER_HAS_SEPARATED_HIPS", flag(has_separated && converts));
     define("CANTER_HAS_STEPPING", flag(has_stepping));

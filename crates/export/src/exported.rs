@@ -118,6 +118,11 @@ impl<'a> Exported<'a> {
         self.task.settings.control_dt_s as f32
     }
 
+    /// Times of what is around the gait.
+    pub fn runtime_settings(&self) -> RuntimeSettings {
+        RuntimeSettings::new(self.control_dt_s())
+    }
+
     /// Names of the actuators, `(M)`, in the order of the targets.
     pub fn actuators(&self) -> Vec<&'a str> {
         self.task.robot.actuators().collect()
@@ -186,7 +191,7 @@ pub struct Buffers {
     observation: Vec<f32>,
     hidden: Vec<f32>,
     action: Vec<f32>,
-    base: Vec<f32>,
+    last: Vec<f32>,
 }
 
 impl Buffers {
@@ -197,7 +202,7 @@ impl Buffers {
             observation: vec![0.0; controller.num_observations()],
             hidden: vec![0.0; exported.policy().network.workspace_len()],
             action: vec![0.0; controller.num_actions()],
-            base: vec![0.0; controller.num_motors()],
+            last: vec![0.0; controller.num_motors()],
         }
     }
 
@@ -205,7 +210,7 @@ impl Buffers {
     pub fn memory(&mut self) -> Memory<'_> {
         let workspace =
             Workspace { observation: &mut self.observation, hidden: &mut self.hidden, action: &mut self.action };
-        Memory { workspace, base: &mut self.base }
+        Memory { workspace, last: &mut self.last }
     }
 }
 
@@ -219,11 +224,11 @@ pub struct Running<'a> {
 }
 
 impl<'a> Running<'a> {
-    /// A robot that stands.
-    pub fn new(exported: &Exported<'a>, settings: RuntimeSettings) -> Self {
+    /// A robot that waits for its first reading.
+    pub fn new(exported: &Exported<'a>) -> Self {
         let (controller, policy) = (exported.controller(), exported.policy());
-        let (mut buffers, mut targets) = (Buffers::new(exported), vec![0.0; controller.num_motors()]);
-        let runtime = Runtime::new(controller, policy, settings, &mut buffers.memory(), &mut targets);
+        let runtime = Runtime::new(controller, policy, exported.runtime_settings());
+        let (buffers, targets) = (Buffers::new(exported), vec![0.0; controller.num_motors()]);
         Self { runtime, buffers, targets, control_dt_s: exported.control_dt_s() }
     }
 
@@ -238,7 +243,7 @@ impl<'a> Running<'a> {
         self.runtime.step(&reading, self.control_dt_s, &mut self.buffers.memory(), &mut self.targets)
     }
 
-    /// The actuator targets, `(M)` [rad].
+    /// The actuator targets, `(M)` [rad]; none, all 0, while it waits.
     pub fn targets(&self) -> &[f32] {
         &self.targets
     }

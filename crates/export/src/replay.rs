@@ -1,6 +1,6 @@
 //! The exported thing walks in the simulator, from standing, and somebody takes notes.
 
-use canter_gait::{PhaseClock, RuntimeSettings};
+use canter_gait::PhaseClock;
 use canter_sim::Env;
 use canter_train::config::EvaluationSettings;
 use canter_train::evaluate::{Drive, Driver, Episode, Mover, Watcher, watch_episodes};
@@ -28,7 +28,7 @@ pub enum Subject<'a> {
 
 impl Driver for Exported<'_> {
     fn start(&self) -> Box<Drive<'_>> {
-        let mut running = Running::new(self, RuntimeSettings::DEFAULT);
+        let mut running = Running::new(self);
         running.walk(true);
         Box::new(move |sensors, targets| {
             running.step(*sensors, 0.0);
@@ -47,9 +47,10 @@ struct OpenLoopDriver<'a> {
 impl Driver for OpenLoopDriver<'_> {
     fn start(&self) -> Box<Drive<'_>> {
         let dt_s = self.exported.control_dt_s();
+        let ramp = dt_s / self.exported.runtime_settings().ramp_s;
         let (mut clock, mut share) = (PhaseClock::default(), 0.0_f32);
         Box::new(move |_, targets| {
-            share = (share + dt_s / RuntimeSettings::DEFAULT.ramp_s).min(1.0);
+            share = (share + ramp).min(1.0);
             self.exported.controller().stand(targets);
             for (target, gait) in targets.iter_mut().zip(self.open_loop.targets_at(clock.phase())) {
                 *target += share * (gait - *target);

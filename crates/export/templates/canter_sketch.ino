@@ -3,16 +3,22 @@
 // Copy canter_policy.h, canter_policy.c and this sketch into a folder called canter_sketch, and fill in the two
 // functions that know your robot: read_sensors and send_targets. Over the serial line `w` walks and `s` stops.
 
+#include <math.h>
+#include <stdint.h>
+
 #include "canter_policy.h"
 
 static canter_state state;
 static canter_sensors sensors;
 static float targets[CANTER_NUM_MOTORS];
 static bool is_safe = false;
-static unsigned long last_reading_us = 0;
-static unsigned long next_step_us = 0;
+static bool has_reading = false;
+static uint32_t last_reading_us = 0;
+static uint32_t next_step_us = 0;
 
-static const unsigned long CONTROL_DT_US = (unsigned long)(CANTER_CONTROL_DT_S * 1e6f + 0.5f);
+static const uint32_t CONTROL_DT_US = (uint32_t)(CANTER_CONTROL_DT_S * 1e6f + 0.5f);
+// Older readings are none. micros() begins anew after 71 minutes: by then this has long been noticed.
+static const uint32_t FORGET_US = 1000000;
 
 // Yours to write: the newest readings of motors and inertial sensor; false if there are none since the last call.
 static bool read_sensors(canter_sensors *readings) {
@@ -27,15 +33,15 @@ static void send_targets(const float *angles) {
 
 void setup() {
   Serial.begin(115200);
-  canter_init(&state, targets);
+  canter_init(&state);
   is_safe = canter_self_test() <= CANTER_SELF_TEST_LIMIT;
-  last_reading_us = micros() - 1000000UL;
   next_step_us = micros();
 }
 
 void loop() {
   if (read_sensors(&sensors)) {
     last_reading_us = micros();
+    has_reading = true;
   }
   while (Serial.available() > 0) {
     int letter = Serial.read();
@@ -43,15 +49,21 @@ void loop() {
       canter_walk(&state, letter == 'w');
     }
   }
-  if ((long)(micros() - next_step_us) < 0) {
+  uint32_t now_us = micros();
+  uint32_t age_us = now_us - last_reading_us;
+  has_reading = has_reading && age_us < FORGET_US;
+  uint32_t late_us = now_us - next_step_us;
+  if ((int32_t)late_us < 0) {
     return;
   }
-  next_step_us += CONTROL_DT_US;
+  // A late step is not made up for by a hasty one.
+  next_step_us = (late_us < CONTROL_DT_US ? next_step_us : now_us) + CONTROL_DT_US;
   if (!is_safe) {
     Serial.println("self test failed: the motors stay as they are");
     return;
   }
-  sensors.age_s = (float)(micros() - last_reading_us) * 1e-6f;
-  canter_step(&state, &sensors, CANTER_CONTROL_DT_S, targets);
-  send_targets(targets);
+  sensors.age_s = has_reading ? (float)age_us * 1e-6f : INFINITY;
+  if (canter_step(&state, &sensors, CANTER_CONTROL_DT_S, targets) != CANTER_WAITING) {
+    send_targets(targets);
+  }
 }

@@ -4,6 +4,10 @@
 #include <math.h>
 #include <stddef.h>
 
+#ifdef __FAST_MATH__
+#error "readings that are no numbers have to be seen: build this without -ffast-math"
+#endif
+
 #define TAU 6.2831853071795864769f
 #define PI 3.1415926535897932385f
 
@@ -164,7 +168,7 @@ static void act(float *observation, float *hidden, float *action)
     layer(weights_1, biases_1, CANTER_NUM_HIDDEN, CANTER_NUM_HIDDEN, first, second);
     layer(weights_2, biases_2, CANTER_NUM_HIDDEN, CANTER_NUM_ACTIONS, second, action);
     for (i = 0; i < CANTER_NUM_ACTIONS; i++) {
-        /* Where a sensor gave no number the action is 0, the prior. */
+        /* Where a sensor gave no number the action is 0; canter_step does not let such readings come here. */
         if (action[i] != action[i]) {
             action[i] = 0.0f;
         }
@@ -187,7 +191,7 @@ static float triangle_angle(float side, float other_side, float opposite)
 }
 #endif
 
-#if CANTER_HAS_SEPARATED_HIPS
+#if CANTER_HAS_SEPARATED_HIPS && CANTER_HAS_JOINTS
 /* Distance from the middle of the hips to the foot. */
 static float leg_length(const leg *l, float extension)
 {
@@ -471,17 +475,72 @@ static void stand(float targets[CANTER_NUM_MOTORS])
     }
 }
 
-void canter_init(canter_state *state, float targets[CANTER_NUM_MOTORS])
+/* Writes the targets at which the robot already is, whatever its limits. */
+static void stay(const float angles[CANTER_NUM_MOTORS], float targets[CANTER_NUM_MOTORS])
+{
+    int i;
+    for (i = 0; i < CANTER_NUM_LEGS; i++) {
+#if CANTER_HAS_JOINTS
+        if (legs[i].has_joints) {
+            int j;
+            for (j = 0; j < 2; j++) {
+                targets[2 * i + j] = legs[i].joint_standing[j] + legs[i].joint_sign[j] * angles[2 * i + j];
+            }
+            continue;
+        }
+#endif
+#if CANTER_HAS_LEG_SPACE
+        leg_position(&legs[i], angles + 2 * i, targets + 2 * i);
+#endif
+    }
+}
+
+static int all_finite(const float *values, int count)
+{
+    int i;
+    for (i = 0; i < count; i++) {
+        if (!(fabsf(values[i]) < INFINITY)) {
+            return 0;
+        }
+    }
+    return 1;
+}
+
+/* Whether readings are fresh and made of numbers. Leaves the observation in the state, which a step overwrites. */
+static int is_usable(canter_state *state, const canter_sensors *sensors)
+{
+    if (sensors == NULL || !(sensors->age_s >= 0.0f && sensors->age_s <= CANTER_SENSOR_TIMEOUT_S)) {
+        return 0;
+    }
+    observe(sensors, state->phase, state->action, state->observation);
+    return all_finite(sensors->motor_angles, CANTER_NUM_MOTORS)
+        && all_finite(state->observation, CANTER_NUM_OBSERVATIONS);
+}
+
+/* Every walk begins with phase and action at 0. */
+static void rewind_gait(canter_state *state)
 {
     int i;
     state->phase = 0.0f;
-    state->share = 0.0f;
-    state->is_to_walk = 0;
     for (i = 0; i < CANTER_NUM_ACTIONS; i++) {
         state->action[i] = 0.0f;
     }
-    stand(state->base);
-    stand(targets);
+}
+
+static void copy(const float *from, float *to)
+{
+    int i;
+    for (i = 0; i < CANTER_NUM_MOTORS; i++) {
+        to[i] = from[i];
+    }
+}
+
+void canter_init(canter_state *state)
+{
+    state->share = 0.0f;
+    state->is_to_walk = 0;
+    state->has_begun = 0;
+    rewind_gait(state);
 }
 
 void canter_walk(canter_state *state, int is_to_walk)
@@ -509,52 +568,63 @@ void canter_control(canter_state *state, const canter_sensors *sensors, float dt
     state->phase = wrap_cycles(state->phase + stride_frequency_hz(state->action) * dt_s);
 }
 
-canter_mode canter_step(canter_state *state, const canter_sensors *sensors, float dt_s,
-                        float targets[CANTER_NUM_MOTORS])
+/* A step with good readings. */
+static canter_mode advance(canter_state *state, const canter_sensors *sensors, float dt_s,
+                           float targets[CANTER_NUM_MOTORS])
 {
-    float standing[CANTER_NUM_MOTORS], ramp;
+    float ramp = dt_s / CANTER_RAMP_S;
     int i;
-    if (sensors == NULL || !(sensors->age_s >= 0.0f && sensors->age_s <= CANTER_SENSOR_TIMEOUT_S)) {
+    stand(targets);
+    if (state->share == 0.0f) {
+        int stands = 1;
+        rewind_gait(state);
         for (i = 0; i < CANTER_NUM_MOTORS; i++) {
-            state->base[i] = targets[i];
+            float way = targets[i] - state->last[i];
+            if (fabsf(way) > ramp) {
+                targets[i] = state->last[i] + (way > 0.0f ? ramp : -ramp);
+                stands = 0;
+            }
         }
-        for (i = 0; i < CANTER_NUM_ACTIONS; i++) {
-            state->action[i] = 0.0f;
+        if (!stands) {
+            return CANTER_RISING;
         }
-        state->share = 0.0f;
-        return CANTER_HOLDING;
-    }
-    /* A time that is none is no step; and no step, however late, is more than the whole ramp. */
-    if (!(dt_s >= 0.0f && dt_s < INFINITY)) {
-        dt_s = 0.0f;
-    }
-    ramp = dt_s / CANTER_RAMP_S;
-    if (ramp > 1.0f) {
-        ramp = 1.0f;
     }
     state->share = clamp(state->is_to_walk ? state->share + ramp : state->share - ramp, 0.0f, 1.0f);
-    stand(standing);
-    for (i = 0; i < CANTER_NUM_MOTORS; i++) {
-        state->base[i] += clamp(standing[i] - state->base[i], -ramp, ramp);
-    }
     if (state->share == 0.0f) {
-        state->phase = 0.0f;
-        for (i = 0; i < CANTER_NUM_ACTIONS; i++) {
-            state->action[i] = 0.0f;
-        }
-        for (i = 0; i < CANTER_NUM_MOTORS; i++) {
-            targets[i] = state->base[i];
-        }
         return CANTER_STANDING;
     }
+    copy(targets, state->last);
     canter_control(state, sensors, dt_s, targets);
     if (state->share < 1.0f) {
         for (i = 0; i < CANTER_NUM_MOTORS; i++) {
-            targets[i] = state->base[i] + state->share * (targets[i] - state->base[i]);
+            targets[i] = state->last[i] + state->share * (targets[i] - state->last[i]);
         }
         return state->is_to_walk ? CANTER_RAMPING_IN : CANTER_RAMPING_OUT;
     }
     return CANTER_WALKING;
+}
+
+canter_mode canter_step(canter_state *state, const canter_sensors *sensors, float dt_s,
+                        float targets[CANTER_NUM_MOTORS])
+{
+    canter_mode mode;
+    if (!is_usable(state, sensors)) {
+        if (!state->has_begun) {
+            return CANTER_WAITING;
+        }
+        state->share = 0.0f;
+        copy(state->last, targets);
+        return CANTER_HOLDING;
+    }
+    if (!state->has_begun) {
+        stay(sensors->motor_angles, state->last);
+        state->has_begun = 1;
+    }
+    /* What is no time is no step; and a late one is no leap of the gait. */
+    dt_s = dt_s > 0.0f ? clamp(dt_s, 0.0f, CANTER_SENSOR_TIMEOUT_S) : 0.0f;
+    mode = advance(state, sensors, dt_s, targets);
+    copy(targets, state->last);
+    return mode;
 }
 
 /* ---- Self test ---- */
@@ -579,7 +649,7 @@ float canter_self_test(void)
         canter_state state;
         float targets[CANTER_NUM_MOTORS], error;
         int i;
-        canter_init(&state, targets);
+        canter_init(&state);
         state.phase = vector->phase;
         for (i = 0; i < CANTER_NUM_ACTIONS; i++) {
             state.action[i] = vector->action[i];

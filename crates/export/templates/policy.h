@@ -5,13 +5,15 @@
  *
  *     canter_state state;
  *     float targets[CANTER_NUM_MOTORS];
- *     canter_init(&state, targets);          the robot is to stand
- *     canter_walk(&state, 1);                and to get going
+ *     canter_init(&state);
  *     every CANTER_CONTROL_DT_S:
  *         fill in sensors, with their age;
- *         canter_step(&state, &sensors, CANTER_CONTROL_DT_S, targets);
- *         send targets to the actuators
+ *         if (canter_step(&state, &sensors, CANTER_CONTROL_DT_S, targets) != CANTER_WAITING)
+ *             send targets to the actuators
+ *     canter_walk(&state, 1);                once it stands: it gets going
  *     canter_walk(&state, 0);                it comes to a stand
+ *
+ * With the first readings the robot rises from where it is to its standing pose: 1 rad in CANTER_RAMP_S at most.
  *
  * Angles are in rad, angular velocities in rad/s, times in s.
  */
@@ -32,7 +34,8 @@ extern "C" {
 #define CANTER_CONTROL_DT_S @CONTROL_DT@
 /* From standing to the whole gait, and back. */
 #define CANTER_RAMP_S @RAMP@
-/* Readings that are older are stale: the robot holds its pose. */
+/* Readings that are older are stale: the robot holds its pose. So are those in which a motor angle, or what the policy
+ * uses, is not finite. */
 #define CANTER_SENSOR_TIMEOUT_S @TIMEOUT@
 /* Targets and motors, two a leg, in this order: @ACTUATORS@ */
 
@@ -51,11 +54,13 @@ typedef struct {
 
 /* What the robot is doing. */
 typedef enum {
-    CANTER_STANDING = 0,
-    CANTER_RAMPING_IN = 1,
-    CANTER_WALKING = 2,
-    CANTER_RAMPING_OUT = 3,
-    CANTER_HOLDING = 4
+    CANTER_WAITING = 0,     /* no readings yet, no targets: send nothing */
+    CANTER_RISING = 1,      /* to the standing pose, from where it was found or was held */
+    CANTER_STANDING = 2,
+    CANTER_RAMPING_IN = 3,
+    CANTER_WALKING = 4,
+    CANTER_RAMPING_OUT = 5,
+    CANTER_HOLDING = 6      /* its last targets, for want of fresh readings */
 } canter_mode;
 
 /* All that a step depends on, and its working memory; nothing is kept elsewhere. */
@@ -63,20 +68,21 @@ typedef struct {
     float phase;
     float share;
     int is_to_walk;
+    int has_begun;
     float action[CANTER_NUM_ACTIONS];
-    float base[CANTER_NUM_MOTORS];
+    float last[CANTER_NUM_MOTORS];
     float observation[CANTER_NUM_OBSERVATIONS];
     float hidden[2 * CANTER_NUM_HIDDEN];
 } canter_state;
 
-/* A robot that stands; writes its pose. */
-void canter_init(canter_state *state, float targets[CANTER_NUM_MOTORS]);
+/* A robot that waits for its first readings. */
+void canter_init(canter_state *state);
 
 /* Tells the robot to walk, or to come to a stand. */
 void canter_walk(canter_state *state, int is_to_walk);
 
-/* One control step of dt_s: sensors in, targets out. `targets` must hold those of the step before.
- * Without readings (a null pointer, or older than CANTER_SENSOR_TIMEOUT_S) the pose is held. */
+/* One control step of dt_s: sensors in, targets out. Without fresh readings (or with a null pointer) the pose is held.
+ * A step that lasts longer than CANTER_SENSOR_TIMEOUT_S counts as one that long. */
 canter_mode canter_step(canter_state *state, const canter_sensors *sensors, float dt_s,
                         float targets[CANTER_NUM_MOTORS]);
 

@@ -204,7 +204,7 @@ impl ActionLaw {
     }
 }
 
-/// Component `i` of the action, within [-1, 1]; 0, the prior, where there is none or it is not a number.
+/// Component `i` of the action, within [-1, 1]; 0 where there is none or it is not a number.
 #[inline]
 pub(crate) fn component(action: &[f32], i: usize) -> f32 {
     action.get(i).filter(|value| !value.is_nan()).map_or(0.0, |value| value.clamp(-1.0, 1.0))

@@ -32,7 +32,8 @@ pub struct Policy<'a> {
 impl Policy<'_> {
     /// The action for an observation, which is mirrored, if it is to be, and normalised in place.
     ///
-    /// Where a sensor gives no number the action is 0, the prior, so that one bad reading is forgotten with its step.
+    /// Where a sensor gives no number the action is 0, the middle of its range, so that one bad reading is forgotten with its
+    /// step. [`Runtime`](crate::Runtime) does not let such readings come here.
     ///
     /// # Shapes
     /// - `observation`: `(O)`
@@ -155,6 +156,15 @@ impl<'a> Controller<'a> {
     pub fn stand(&self, targets: &mut [f32]) {
         for (leg, target) in self.legs.iter().zip(targets.chunks_exact_mut(2)) {
             command(leg, LegPosition::default(), target);
+        }
+    }
+
+    /// Writes the actuator targets at which the robot already is, `(M)` [rad], from its motor angles, `(M)` [rad].
+    #[inline]
+    pub fn stay(&self, motor_angles: &[f32], targets: &mut [f32]) {
+        let pairs = motor_angles.chunks_exact(2).zip(targets.chunks_exact_mut(2));
+        for (leg, (angles, target)) in self.legs.iter().zip(pairs) {
+            target.copy_from_slice(&leg.targets_at([angles[0], angles[1]]));
         }
     }
 

@@ -1,5 +1,5 @@
-//! What a robot does around its gait: it stands until told to walk, ramps in and out, and holds its pose when its sensors
-//! go stale.
+//! What a robot does around its gait: it rises from where it is, stands until told to walk, ramps in and out, and holds its
+//! pose when its sensors go stale.
 
 use crate::controller::{Controller, Policy, Workspace};
 use crate::observation::Sensors;
@@ -15,15 +15,21 @@ pub struct RuntimeSettings {
 }
 
 impl RuntimeSettings {
-    /// One cycle of a trot at 2 Hz to get going; sensors may miss four readings at 100 Hz.
-    pub const DEFAULT: Self = Self { ramp_s: 0.5, sensor_timeout_s: 0.05 };
+    /// One cycle of a trot at 2 Hz to get going; sensors may miss four readings.
+    pub fn new(control_dt_s: f32) -> Self {
+        Self { ramp_s: 0.5, sensor_timeout_s: 5.0 * control_dt_s }
+    }
 }
 
 /// What the robot is doing.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Mode {
-    /// It stands, or moves back to standing after it held a pose.
+    /// No reading has come yet: there are no targets, nothing must be sent to the actuators.
     #[default]
+    Waiting,
+    /// It moves to its standing pose, from where it was found or was held.
+    Rising,
+    /// It stands.
     Standing,
     /// It gets going.
     RampingIn,
@@ -37,11 +43,21 @@ pub enum Mode {
 
 impl Mode {
     /// Every mode, in the order of the numbers that the C export gives them.
-    pub const ALL: [Self; 5] = [Self::Standing, Self::RampingIn, Self::Walking, Self::RampingOut, Self::Holding];
+    pub const ALL: [Self; 7] = [
+        Self::Waiting,
+        Self::Rising,
+        Self::Standing,
+        Self::RampingIn,
+        Self::Walking,
+        Self::RampingOut,
+        Self::Holding,
+    ];
 
     /// The mode's name in protocols.
     pub const fn name(self) -> &'static str {
         match self {
+            Self::Waiting => "waiting",
+            Self::Rising => "rising",
             Self::Standing => "standing",
             Self::RampingIn => "ramping-in",
             Self::Walking => "walking",
@@ -54,7 +70,7 @@ impl Mode {
 /// The readings of one control step and how old they are.
 #[derive(Clone, Copy, Debug)]
 pub struct Reading<'a> {
-    /// What the sensors said.
+    /// What the sensors said. Motor angles, and what the policy observes, must be finite; else the reading is stale.
     pub sensors: Sensors<'a>,
     /// Time since then [s]; what is no number is stale.
     pub age_s: f32,
@@ -65,8 +81,8 @@ pub struct Reading<'a> {
 pub struct Memory<'a> {
     /// Of the control step.
     pub workspace: Workspace<'a>,
-    /// `(M)` the pose that the gait is blended with [rad].
-    pub base: &'a mut [f32],
+    /// `(M)` the targets of the step before [rad].
+    pub last: &'a mut [f32],
 }
 
 /// Walks a policy on a robot, from standing to standing.
@@ -79,24 +95,15 @@ pub struct Runtime<'a> {
     /// How much of the gait there is in the targets, from 0 to 1.
     share: f32,
     is_to_walk: bool,
+    /// Whether a reading has come, and with it the first targets.
+    has_begun: bool,
 }
 
 impl<'a> Runtime<'a> {
-    /// A robot that stands; writes its pose.
-    ///
-    /// # Shapes
-    /// - `targets`: `(M)` [rad]
-    pub fn new(
-        controller: Controller<'a>,
-        policy: Policy<'a>,
-        settings: RuntimeSettings,
-        memory: &mut Memory<'_>,
-        targets: &mut [f32],
-    ) -> Self {
-        controller.stand(targets);
-        controller.stand(memory.base);
-        memory.workspace.action.fill(0.0);
-        Self { controller, policy, settings, clock: PhaseClock::default(), share: 0.0, is_to_walk: false }
+    /// A robot that waits for its first reading.
+    pub fn new(controller: Controller<'a>, policy: Policy<'a>, settings: RuntimeSettings) -> Self {
+        let clock = PhaseClock::default();
+        Self { controller, policy, settings, clock, share: 0.0, is_to_walk: false, has_begun: false }
     }
 
     /// Tells the robot to walk, or to come to a stand.
@@ -112,51 +119,86 @@ impl<'a> Runtime<'a> {
     /// One control step.
     ///
     /// ```text
-    /// targets = base + share (gait - base)
+    /// targets = standing + share (gait - standing)
     /// ```
     ///
-    /// The share rises to 1 and falls to 0 within the ramp's time, base moves to the standing pose at 1 rad in that time.
-    /// A pose that is held becomes the base, so that targets never jump. A standing robot's clock and action are 0.
+    /// The first targets are where the robot is. From there, and from a pose that was held, they move to the standing pose at
+    /// 1 rad in the ramp's time. Only then the share rises, to 1 within that time; it falls to 0 as slowly. So targets never
+    /// jump. Every walk begins with a clock and an action of 0.
+    ///
+    /// A step that lasts longer than a reading may be old counts as one that long, so that a late one is no leap of the gait.
     ///
     /// # Shapes
-    /// - `targets`: `(M)` [rad], those of the step before on entry
+    /// - `targets`: `(M)` [rad], untouched while the robot waits
     ///
     /// Source: ours.
     pub fn step(&mut self, reading: &Reading<'_>, dt_s: f32, memory: &mut Memory<'_>, targets: &mut [f32]) -> Mode {
-        let is_fresh = (0.0..=self.settings.sensor_timeout_s).contains(&reading.age_s);
-        if !is_fresh {
-            for (base, target) in memory.base.iter_mut().zip(&*targets) {
-                *base = *target;
+        if !self.is_usable(reading, memory) {
+            if !self.has_begun {
+                return Mode::Waiting;
             }
             self.share = 0.0;
-            memory.workspace.action.fill(0.0);
+            copy(memory.last, targets);
             return Mode::Holding;
         }
-        // A time that is none is no step; and no step, however late, is more than the whole ramp.
-        let dt_s = if dt_s >= 0.0 && dt_s.is_finite() { dt_s } else { 0.0 };
-        let ramp = (dt_s / self.settings.ramp_s).min(1.0);
-        self.share = if self.is_to_walk { (self.share + ramp).min(1.0) } else { (self.share - ramp).max(0.0) };
-        self.controller.stand(targets);
-        for (base, standing) in memory.base.iter_mut().zip(&*targets) {
-            // `f32::clamp` would panic on a ramp of 0 / 0.
-            *base += (*standing - *base).min(ramp).max(-ramp);
+        if !self.has_begun {
+            self.controller.stay(reading.sensors.motor_angles, memory.last);
+            self.has_begun = true;
         }
+        // What is no time is no step. `f32::clamp` is not for what may be no number.
+        let dt_s = if dt_s > 0.0 { dt_s.min(self.settings.sensor_timeout_s) } else { 0.0 };
+        let mode = self.advance(&reading.sensors, dt_s, memory, targets);
+        copy(targets, memory.last);
+        mode
+    }
+
+    /// Whether a reading is fresh and made of numbers. It leaves the observation in memory, which a step overwrites.
+    fn is_usable(&self, reading: &Reading<'_>, memory: &mut Memory<'_>) -> bool {
+        let Workspace { observation, action, .. } = &mut memory.workspace;
+        self.controller.observe(&reading.sensors, &self.clock, action, observation);
+        let mut values = reading.sensors.motor_angles.iter().chain(&**observation);
+        (0.0..=self.settings.sensor_timeout_s).contains(&reading.age_s) && values.all(|value| value.is_finite())
+    }
+
+    /// A step with a good reading.
+    fn advance(&mut self, sensors: &Sensors<'_>, dt_s: f32, memory: &mut Memory<'_>, targets: &mut [f32]) -> Mode {
+        let ramp = dt_s / self.settings.ramp_s;
+        self.controller.stand(targets);
         if self.share == 0.0 {
             self.clock = PhaseClock::default();
             memory.workspace.action.fill(0.0);
-            for (target, base) in targets.iter_mut().zip(&*memory.base) {
-                *target = *base;
+            let mut stands = true;
+            for (target, last) in targets.iter_mut().zip(&*memory.last) {
+                let way = *target - *last;
+                if way.abs() > ramp {
+                    *target = *last + if way > 0.0 { ramp } else { -ramp };
+                    stands = false;
+                }
             }
+            if !stands {
+                return Mode::Rising;
+            }
+        }
+        self.share = if self.is_to_walk { (self.share + ramp).min(1.0) } else { (self.share - ramp).max(0.0) };
+        if self.share == 0.0 {
             return Mode::Standing;
         }
-        self.controller.step(&self.policy, &reading.sensors, &mut self.clock, dt_s, &mut memory.workspace, targets);
+        copy(targets, memory.last);
+        self.controller.step(&self.policy, sensors, &mut self.clock, dt_s, &mut memory.workspace, targets);
         if self.share < 1.0 {
-            for (target, base) in targets.iter_mut().zip(&*memory.base) {
-                *target = *base + self.share * (*target - *base);
+            for (target, standing) in targets.iter_mut().zip(&*memory.last) {
+                *target = *standing + self.share * (*target - *standing);
             }
             return if self.is_to_walk { Mode::RampingIn } else { Mode::RampingOut };
         }
         Mode::Walking
+    }
+}
+
+/// As `copy_from_slice`, which panics where lengths differ.
+fn copy(from: &[f32], to: &mut [f32]) {
+    for (to, from) in to.iter_mut().zip(from) {
+        *to = *from;
     }
 }
 
@@ -175,8 +217,23 @@ mod tests {
     /// The standing angles of the two joints [rad].
     const STANDING: [f32; 2] = [0.25, -0.5];
 
-    /// Runs `script` on a leg whose policy commands the prior; the script gets a step of (walk, age) to (mode, targets).
-    fn run(script: impl FnOnce(&mut dyn FnMut(bool, f32) -> (Mode, [f32; 2]))) {
+    /// Where the motors are [rad].
+    const LYING: [f32; 2] = [0.4, -0.3];
+
+    /// What goes into one step.
+    #[derive(Clone, Copy)]
+    struct In {
+        walk: bool,
+        age_s: f32,
+        angles: [f32; 2],
+        dt_s: f32,
+    }
+
+    const STAND: In = In { walk: false, age_s: 0.0, angles: LYING, dt_s: DT_S };
+    const WALK: In = In { walk: true, ..STAND };
+
+    /// Runs `script` on a leg whose policy commands the prior; the script gets a step.
+    fn run(script: impl FnOnce(&mut dyn FnMut(In) -> (Mode, [f32; 2]))) {
         let legs = [Leg {
             geometry: LegGeometry::FiveBar(FiveBar::new(0.09, 0.162, 0.0, 0.17).unwrap()),
             actuators: Actuators::Joints(STANDING.map(|standing| JointConvention { sign: 1.0, standing })),
@@ -196,30 +253,37 @@ mod tests {
         };
         let law = ActionLaw { modulation: Modulation::Amplitude, authority: 0.0, ranges, residual_bound_rad: 0.0 };
         let gait = Gait { stride_frequency_hz: 2.0, legs: &parts };
-        let controller = Controller::new(&legs, gait, law, &[ObservationBlock::MotorAngles]).unwrap();
-        let shape = NetworkShape { input: 2, hidden: 1, output: 2 };
+        let blocks = [ObservationBlock::MotorAngles, ObservationBlock::Orientation];
+        let controller = Controller::new(&legs, gait, law, &blocks).unwrap();
+        let shape = NetworkShape { input: 5, hidden: 1, output: 2 };
         let policy = Policy {
-            normaliser: Normaliser { mean: &[0.0; 2], inverse_std: &[1.0; 2] },
-            network: Network::new(shape, &[0.0; 9]).unwrap(),
+            normaliser: Normaliser { mean: &[0.0; 5], inverse_std: &[1.0; 5] },
+            network: Network::new(shape, &[0.0; 12]).unwrap(),
             mirror: None,
         };
-        let (mut observation, mut hidden, mut action, mut base) = ([0.0; 2], [0.0; 2], [0.0; 2], [0.0; 2]);
+        let (mut observation, mut hidden, mut action, mut last) = ([0.0; 5], [0.0; 2], [0.0; 2], [0.0; 2]);
         let workspace = Workspace { observation: &mut observation, hidden: &mut hidden, action: &mut action };
-        let mut memory = Memory { workspace, base: &mut base };
+        let mut memory = Memory { workspace, last: &mut last };
         let mut targets = [9.0; 2];
-        let mut runtime = Runtime::new(controller, policy, RuntimeSettings::DEFAULT, &mut memory, &mut targets);
-        assert_eq!(targets, STANDING);
-        script(&mut |walk, age_s| {
+        let mut runtime = Runtime::new(controller, policy, RuntimeSettings::new(DT_S));
+        script(&mut |step| {
             let sensors = Sensors {
-                motor_angles: &[0.0; 2],
-                motor_velocities: &[0.0; 2],
+                motor_angles: &step.angles,
+                // Nothing that this policy looks at.
+                motor_velocities: &[f32::NAN; 2],
                 orientation: [0.0; 3],
-                angular_velocity_in_body: [0.0; 3],
+                angular_velocity_in_body: [f32::NAN; 3],
             };
-            runtime.walk(walk);
-            let mode = runtime.step(&Reading { sensors, age_s }, DT_S, &mut memory, &mut targets);
+            runtime.walk(step.walk);
+            let reading = Reading { sensors, age_s: step.age_s };
+            let mode = runtime.step(&reading, step.dt_s, &mut memory, &mut targets);
             (mode, targets)
         });
+    }
+
+    /// Steps until the robot stands.
+    fn rise(step: &mut dyn FnMut(In) -> (Mode, [f32; 2])) -> usize {
+        (1..100).find(|_| step(STAND) == (Mode::Standing, STANDING)).unwrap()
     }
 
     /// What the prior commands `steps` steps after phase 0.
@@ -230,11 +294,32 @@ mod tests {
     }
 
     #[test]
+    fn it_waits_for_readings_and_rises_from_where_it_is() {
+        run(|step| {
+            for age_s in [f32::INFINITY, f32::NAN, 1.0] {
+                assert_eq!(step(In { age_s, ..WALK }), (Mode::Waiting, [9.0; 2]));
+            }
+            assert_eq!(step(In { angles: [0.4, f32::NAN], ..WALK }), (Mode::Waiting, [9.0; 2]));
+            // The joints are at 0.65 and -0.8 rad, 0.4 and 0.3 rad from standing; 2 rad/s are 0.02 rad a step.
+            for i in 1..20_u8 {
+                let (mode, targets) = step(WALK);
+                assert_eq!(mode, Mode::Rising);
+                let expected = [0.65 - 0.02 * f32::from(i), (-0.8 + 0.02 * f32::from(i)).min(-0.5)];
+                for (target, expected) in targets.iter().zip(expected) {
+                    assert!((target - expected).abs() < 1e-5, "{i}: {targets:?}");
+                }
+            }
+            // 20 times 0.02 may fall short of 0.4 by rounding.
+            assert!([step(WALK).0, step(WALK).0].contains(&Mode::RampingIn));
+        });
+    }
+
+    #[test]
     fn it_stands_ramps_in_walks_and_comes_to_a_stand() {
         run(|step| {
-            assert_eq!(step(false, 0.0), (Mode::Standing, STANDING));
+            rise(step);
             for i in 1..50 {
-                let (mode, targets) = step(true, 0.0);
+                let (mode, targets) = step(WALK);
                 assert_eq!(mode, Mode::RampingIn);
                 for ((target, gait), standing) in targets.iter().zip(prior(i - 1)).zip(STANDING) {
                     let expected = standing + f32::from(i) * 0.02 * (gait - standing);
@@ -244,56 +329,78 @@ mod tests {
             let mut last = [0.0; 2];
             // 50 times 0.02 may fall short of 1 by rounding.
             for i in 50..60 {
-                let (mode, targets) = step(true, 0.0);
+                let (mode, targets) = step(WALK);
                 assert!(mode == Mode::Walking || i == 50);
                 last = targets;
             }
             for (target, expected) in last.iter().zip(prior(58)) {
                 assert!((target - expected).abs() < 1e-4);
             }
-            let ramp_out = (0..60).map(|_| step(false, 0.0)).filter(|(mode, _)| *mode == Mode::RampingOut).count();
+            let ramp_out = (0..60).map(|_| step(STAND)).filter(|(mode, _)| *mode == Mode::RampingOut).count();
             assert!((49..=50).contains(&ramp_out), "{ramp_out}");
-            assert_eq!(step(false, 0.0), (Mode::Standing, STANDING));
+            assert_eq!(step(STAND), (Mode::Standing, STANDING));
             // The next walk begins where the first one did.
-            step(true, 0.0);
-            let (_, targets) = step(true, 0.0);
+            step(WALK);
+            let (_, targets) = step(WALK);
             for ((target, gait), standing) in targets.iter().zip(prior(1)).zip(STANDING) {
                 assert!((target - (standing + 0.04 * (gait - standing))).abs() < 1e-5);
             }
         });
     }
 
+    /// `step`, which fails if a target jumps.
+    fn smooth(step: &mut dyn FnMut(In) -> (Mode, [f32; 2]), most_rad: f32) -> impl FnMut(In) -> (Mode, [f32; 2]) {
+        rise(step);
+        let mut last = STANDING;
+        move |input| {
+            let (mode, targets) = step(input);
+            for (now, before) in targets.iter().zip(last) {
+                assert!((now - before).abs() < most_rad, "{mode:?}: {before} to {now}");
+            }
+            last = targets;
+            (mode, targets)
+        }
+    }
+
     #[test]
     fn a_pose_is_held_while_readings_are_stale_and_no_target_ever_jumps() {
         run(|step| {
-            let mut last = STANDING;
             // The gait's own fastest motion is 2 pi 2 Hz 0.5 rad = 6.3 rad/s; the ramp adds 1 rad in half a second.
-            let mut walk = |walk: bool, age_s: f32| {
-                let (mode, targets) = step(walk, age_s);
-                for (now, before) in targets.iter().zip(last) {
-                    assert!((now - before).abs() < 0.09, "{mode:?}: {before} to {now}");
-                }
-                last = targets;
-                (mode, targets)
-            };
+            let mut walk = smooth(step, 0.09);
             for _ in 0..77 {
-                walk(true, 0.05);
+                walk(In { age_s: 0.045, ..WALK });
             }
-            let (mode, held) = walk(true, 0.051);
+            let (mode, held) = walk(In { age_s: 0.051, ..WALK });
             assert_eq!(mode, Mode::Holding);
             for age_s in [1.0, f32::NAN, f32::INFINITY, -1.0, 1e9] {
-                assert_eq!(walk(true, age_s), (Mode::Holding, held));
-                assert_eq!(walk(false, age_s), (Mode::Holding, held));
+                assert_eq!(walk(In { age_s, ..WALK }), (Mode::Holding, held));
+                assert_eq!(walk(In { age_s, ..STAND }), (Mode::Holding, held));
             }
-            assert_eq!(walk(true, 0.0).0, Mode::RampingIn);
-            for _ in 0..20 {
-                walk(true, 0.0);
+            // A fresh reading that is none is as stale.
+            for angle in [f32::NAN, f32::INFINITY] {
+                assert_eq!(walk(In { angles: [0.1, angle], ..WALK }), (Mode::Holding, held));
             }
-            walk(true, 1.0);
+            assert_eq!(walk(WALK).0, Mode::Rising);
+            while walk(WALK).0 == Mode::Rising {}
+            for _ in 0..30 {
+                walk(WALK);
+            }
+            walk(In { age_s: 1.0, ..WALK });
             for _ in 0..100 {
-                walk(false, 0.0);
+                walk(STAND);
             }
-            assert_eq!(walk(false, 0.0), (Mode::Standing, STANDING));
+            assert_eq!(walk(STAND), (Mode::Standing, STANDING));
+        });
+    }
+
+    #[test]
+    fn a_late_step_is_no_leap() {
+        run(|step| {
+            // Five steps' worth: 0.05 s at 6.3 rad/s, and a tenth of the ramp.
+            let mut walk = smooth(step, 0.45);
+            for dt_s in [DT_S, 30.0, f32::INFINITY, f32::NAN, -1.0, DT_S].repeat(20) {
+                walk(In { dt_s, ..WALK });
+            }
         });
     }
 }

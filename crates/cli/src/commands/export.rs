@@ -44,8 +44,9 @@ pub fn export(args: &ExportArgs) -> Result<ExitCode, CliError> {
     match (args.format, &average) {
         (ExportFormat::C, _) => release(name, None, of_c(&exported), "")?,
         (ExportFormat::Onnx, _) => {
-            let files = [("policy.onnx", onnx::export(&exported)), ("run_policy.py", onnx::RUNNER.into())];
-            release(name, None, files.map(|(path, content)| (path.to_owned(), content)).into(), "")?;
+            let models = [("policy.onnx", onnx::export(&exported)), ("start.onnx", onnx::export_start(&exported))];
+            let files = models.into_iter().chain([("run_policy.py", onnx::RUNNER.into())]);
+            release(name, None, files.map(|(path, content)| (path.to_owned(), content)).collect(), "")?;
         }
         (ExportFormat::Rust, _) => {
             let files = rust::export(&exported).into_iter().map(|(path, content)| (path, content.into_bytes()));

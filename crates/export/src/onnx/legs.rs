@@ -1,7 +1,7 @@
 //! The legs' part of the graph: action law, prior, limits, kinematics. Each function is `gait`'s of the same name.
 
 use canter_gait::action::MAX_AMPLITUDE_RAD;
-use canter_gait::{Actuators, FiveBar, Leg, LegGait, LegGeometry, Modulation, Range, SerialLeg, Waveform};
+use canter_gait::{Actuators, FiveBar, JointConvention, Leg, LegGait, LegGeometry, Modulation, Range, SerialLeg, Waveform};
 
 use super::graph::{Builder, Value};
 use super::is_direct;
@@ -18,6 +18,15 @@ pub fn targets(g: &mut Builder, exported: &Exported<'_>, index: usize, [phase, a
         gait_position(g, exported, index, [phase, action])
     };
     limited_targets(g, leg, position)
+}
+
+/// The two targets at which a leg already is, from all motor angles: `Leg::targets_at`.
+pub fn targets_at(g: &mut Builder, leg: &Leg, index: usize, motor_angles: &Value) -> [Value; 2] {
+    let angles = [2 * index, 2 * index + 1].map(|i| g.columns(motor_angles, &[i]));
+    match leg.actuators {
+        Actuators::LegSpace => leg_position(g, leg, angles),
+        Actuators::Joints(joints) => joint_angles(g, joints, &angles),
+    }
 }
 
 /// The phase after this step.
@@ -124,6 +133,10 @@ fn limited_targets(g: &mut Builder, leg: &Leg, [swing, extension]: [Value; 2]) -
         return limited;
     };
     let angles = motor_angles(g, leg, limited);
+    joint_angles(g, joints, &angles)
+}
+
+fn joint_angles(g: &mut Builder, joints: [JointConvention; 2], angles: &[Value; 2]) -> [Value; 2] {
     std::array::from_fn(|i| {
         let turned = g.times(&angles[i], joints[i].sign);
         g.plus(&turned, joints[i].standing)

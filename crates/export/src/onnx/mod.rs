@@ -1,5 +1,7 @@
 //! ONNX: one graph from sensors, phase and previous action to actuator targets, next phase and action.
 //!
+//! A second, small graph says which targets are where the robot already is, for the start.
+//!
 //! Mirror, normaliser, network, action law, prior, limits and kinematics are inside, made of standard operators. Every
 //! value has the control steps as rows, N of them: a robot runs one, a test many.
 
@@ -20,7 +22,7 @@ const IR_VERSION: i64 = 8;
 /// The version of ONNX's operators that belongs to it.
 const OPSET: i64 = 17;
 
-/// A Python program that runs the model on a robot: ramps in, stops, holds the pose without readings.
+/// A Python program that runs the models on a robot: rises, ramps in, stops, holds the pose without readings.
 pub const RUNNER: &str = include_str!("../../templates/run_policy.py");
 
 /// A policy as an ONNX model; the file's bytes.
@@ -47,14 +49,32 @@ pub fn export(exported: &Exported<'_>) -> Vec<u8> {
     g.output(&next_phase, "next_phase", 1, "phase for the next step [cycles]");
     g.output(&action, "action", num_actions, "previous_action for the next step, each in [-1, 1]");
 
+    model(exported, builder.finish("control_step"), metadata(exported))
+}
+
+/// From motor angles to the actuator targets at which the robot already is, as an ONNX model; the file's bytes.
+pub fn export_start(exported: &Exported<'_>) -> Vec<u8> {
+    let controller = exported.controller();
+    let num_motors = controller.num_motors();
+    let mut builder = Builder::default();
+    let g = &mut builder;
+    let angles = g.input("motor_angles", num_motors, unit(ObservationBlock::MotorAngles));
+    let legs = controller.legs().iter().enumerate();
+    let targets: Vec<Value> = legs.flat_map(|(index, leg)| legs::targets_at(g, leg, index, &angles)).collect();
+    let targets = g.side_by_side(&targets);
+    g.output(&targets, "actuator_targets", num_motors, "position commands [rad] that move nothing");
+    model(exported, builder.finish("start"), Vec::new())
+}
+
+fn model(exported: &Exported<'_>, graph: proto::Graph, metadata: Vec<proto::Entry>) -> Vec<u8> {
     let model = proto::Model {
         ir_version: IR_VERSION,
         producer_name: "canter".to_owned(),
         producer_version: exported.file().card.provenance.canter.clone(),
         doc_string: exported.title(),
-        graph: Some(builder.finish("control_step")),
+        graph: Some(graph),
         opset_import: vec![proto::OperatorSet { domain: String::new(), version: OPSET }],
-        metadata: metadata(exported),
+        metadata,
     };
     model.encode_to_vec()
 }
@@ -160,6 +180,8 @@ fn metadata(exported: &Exported<'_>) -> Vec<proto::Entry> {
         ("standing_targets", Json::from(standing).to_string()),
         ("units", "angles in rad, angular velocities in rad/s, phase in cycles; action without unit".to_owned()),
         ("control_dt_s", dt.to_string()),
+        ("ramp_s", exported.runtime_settings().ramp_s.to_string()),
+        ("sensor_timeout_s", exported.runtime_settings().sensor_timeout_s.to_string()),
         ("control_rate_hz", (1.0 / dt).to_string()),
         ("provenance", serde_json::to_value(&card.provenance).expect("it has string keys only").to_string()),
     ];

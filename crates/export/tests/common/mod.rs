@@ -12,7 +12,8 @@ use std::sync::Arc;
 
 use canter_export::Exported;
 use canter_export::exported::{Readings, Running, TestVector};
-use canter_gait::{Mode, RuntimeSettings};
+use canter_gait::Mode;
+use canter_gait::observation::ObservationBlock;
 use canter_sim::{Env, Task};
 use canter_train::config::{Resolved, open_preset, resolve};
 use canter_train::executor::Workers;
@@ -44,6 +45,9 @@ pub const CASES: [Case; 12] = [
     ("q8bot", "trot", "residual", &[]),
     ("quad12", "trot", "residual", &[]),
 ];
+
+/// Those with which runtimes are compared: leg space and joints, coaxial hips, separated hips, serial legs.
+pub const WALKS: [Case; 4] = [CASES[0], CASES[5], CASES[7], CASES[9]];
 
 /// A preset for a robot with its gait and a modulation, in few small environments.
 pub fn resolved(preset: &str, changes: &[(&str, &str)]) -> Resolved {
@@ -236,41 +240,69 @@ pub fn compile_c(exported: &Exported<'_>, folder: &Path, compiler: &str, flags: 
     program
 }
 
-/// Holds another runtime against ours: it stands, walks, loses its sensors, walks on and stops. The program reads records of
-/// readings, their age and whether to walk, and writes targets and the mode's number.
+/// One control step of [`compare_walk`].
+#[derive(Clone, Debug)]
+struct Scripted {
+    walk: bool,
+    age_s: f32,
+    readings: Readings,
+}
+
+/// Holds another runtime against ours: it waits, rises, stands, walks, loses its sensors in every way, walks on and stops.
+/// The program reads records of readings, their age and whether to walk, and writes targets and the mode's number.
 pub fn compare_walk(exported: &Exported<'_>, program: Command) {
-    let readings = &exported.test_vectors()[3].readings;
-    let script: Vec<(bool, f32)> = (0..400)
-        .map(|step| match step {
-            0..10 => (false, 0.0),
-            10..100 => (true, 0.04),
-            100..110 => (true, 0.2),
-            110..115 => (true, f32::NAN),
-            115..240 => (true, 0.0),
-            240..250 => (false, 0.0),
-            250..260 => (true, 0.0),
-            _ => (false, 0.0),
+    let vectors = exported.test_vectors();
+    let script: Vec<Scripted> = (0..600)
+        .map(|step| {
+            let (walk, age_s) = match step {
+                0..5 => (true, f32::INFINITY),
+                5..100 => (false, 0.0),
+                100..190 => (true, 0.04),
+                190..200 => (true, 0.2),
+                200..205 => (true, f32::NAN),
+                205..210 => (true, -0.01),
+                210..400 => (true, 0.0),
+                400..410 => (false, 0.0),
+                410..420 => (true, 0.0),
+                _ => (false, 0.0),
+            };
+            let mut readings = vectors[step % vectors.len()].readings.clone();
+            // What no motor angle, and nothing that is observed, may be; and what may be anything if it is not observed.
+            let is_observed = |block| exported.controller().blocks().contains(&block);
+            match step {
+                3 => readings.motor_angles[0] = f32::NAN,
+                330 => readings.motor_angles[1] = f32::NAN,
+                331 => readings.motor_angles[1] = f32::NEG_INFINITY,
+                332 if is_observed(ObservationBlock::Orientation) => readings.orientation[2] = f32::NAN,
+                333 if is_observed(ObservationBlock::MotorVelocities) => readings.motor_velocities[1] = f32::NAN,
+                334.. if !is_observed(ObservationBlock::Orientation) => readings.orientation[0] = f32::NAN,
+                334.. if !is_observed(ObservationBlock::MotorVelocities) => readings.motor_velocities[0] = f32::NAN,
+                _ => {}
+            }
+            Scripted { walk, age_s, readings }
         })
         .collect();
     let input: Vec<u8> = script
         .iter()
-        .flat_map(|&(walk, age_s)| [readings.flat(), vec![age_s, f32::from(u8::from(walk))]].concat())
+        .flat_map(|step| [step.readings.flat(), vec![step.age_s, f32::from(u8::from(step.walk))]].concat())
         .flat_map(f32::to_le_bytes)
         .collect();
     let output = pipe(program, &input);
-    let mut running = Running::new(exported, RuntimeSettings::DEFAULT);
+    let mut running = Running::new(exported);
     let num_motors = running.targets().len();
     let rows: Vec<f32> = output.chunks_exact(4).map(|bytes| f32::from_le_bytes(bytes.try_into().unwrap())).collect();
     assert_eq!(rows.len(), script.len() * (num_motors + 1));
     let mut modes = Vec::new();
-    for (step, (&(walk, age_s), row)) in script.iter().zip(rows.chunks_exact(num_motors + 1)).enumerate() {
-        running.walk(walk);
-        let mode = running.step(readings.sensors(), age_s);
+    for (step, (now, row)) in script.iter().zip(rows.chunks_exact(num_motors + 1)).enumerate() {
+        running.walk(now.walk);
+        let mode = running.step(now.readings.sensors(), now.age_s);
         assert_eq!(Mode::ALL[row[num_motors] as usize], mode, "step {step}");
         for (own, expected) in row.iter().zip(running.targets()) {
-            assert!((own - expected).abs() < LIMIT, "step {step}: {own} instead of {expected}");
+            assert!((own - expected).abs() < LIMIT, "step {step}, {mode:?}: {own} instead of {expected}");
         }
         modes.push(mode);
     }
     assert!(Mode::ALL.iter().all(|mode| modes.contains(mode)), "{modes:?}");
+    assert!(modes[330..332].iter().all(|mode| *mode == Mode::Holding));
+    assert!(modes[340..400].contains(&Mode::Rising) && matches!(modes[399], Mode::RampingIn | Mode::Walking), "{modes:?}");
 }

@@ -17,7 +17,7 @@ int main(void)
     }
     while (fread(input, sizeof input, 1, stdin) == 1) {
         float *rest = input;
-        canter_init(&state, output);
+        canter_init(&state);
         memcpy(&sensors, rest, (2 * CANTER_NUM_MOTORS + 6) * sizeof(float));
         rest += 2 * CANTER_NUM_MOTORS + 6;
         sensors.age_s = 0.0f;

@@ -8,8 +8,8 @@ int main(void)
 {
     canter_state state;
     canter_sensors sensors;
-    float input[2 * CANTER_NUM_MOTORS + 8], targets[CANTER_NUM_MOTORS], output[CANTER_NUM_MOTORS + 1];
-    canter_init(&state, targets);
+    float input[2 * CANTER_NUM_MOTORS + 8], targets[CANTER_NUM_MOTORS] = {0.0f}, output[CANTER_NUM_MOTORS + 1];
+    canter_init(&state);
     while (fread(input, sizeof input, 1, stdin) == 1) {
         memcpy(&sensors, input, sizeof sensors);
         canter_walk(&state, input[2 * CANTER_NUM_MOTORS + 7] != 0.0f);

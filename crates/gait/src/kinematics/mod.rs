@@ -193,6 +193,21 @@ impl Leg {
         }
     }
 
+    /// The two actuator targets [rad] at which the leg already is, whatever its limits.
+    #[inline]
+    pub fn targets_at(&self, motor_angles: [f32; 2]) -> [f32; 2] {
+        match self.actuators {
+            Actuators::LegSpace => {
+                let position = self.geometry.leg_position(motor_angles);
+                [position.swing, position.extension]
+            }
+            Actuators::Joints([first, second]) => {
+                let [a, b] = motor_angles;
+                [first.joint_angle(a), second.joint_angle(b)]
+            }
+        }
+    }
+
     /// The leg position at two actuator targets [rad].
     #[inline]
     pub fn position_at(&self, [a, b]: [f32; 2]) -> LegPosition {
@@ -269,6 +284,10 @@ mod tests {
             let leg = Leg { geometry, actuators, limits };
             let back = leg.position_at(leg.targets(LegPosition { swing: 0.3, extension: -0.1 }));
             assert!((back.swing - 0.3).abs() < 1e-4 && (back.extension + 0.1).abs() < 1e-3, "{leg:?}: {back:?}");
+            // Where the motors are is beyond these limits, and stays there.
+            let beyond = leg.geometry.motor_angles(LegPosition { swing: 1.2, extension: -0.1 });
+            let there = leg.position_at(leg.targets_at(beyond));
+            assert!((there.swing - 1.2).abs() < 1e-4 && (there.extension + 0.1).abs() < 1e-3, "{leg:?}: {there:?}");
         }
         assert_eq!(turned.joint_angle(0.25), 0.65);
         assert_eq!(straight.joint_angle(0.0), -1.8);

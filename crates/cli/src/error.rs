@@ -68,6 +68,11 @@ pub enum CliError {
     NoCycle(String),
     #[error("{}: the robot cannot be reached: {source}", .path.display())]
     Port { path: PathBuf, source: std::io::Error },
+    #[error(
+        "{}: {why} before the robot stood: it is left in the pose of its last targets, and its own watchdog has to do the rest",
+        .path.display()
+    )]
+    LeftMoving { why: &'static str, path: PathBuf },
     #[error("no gait of few parameters is near the learned one: {0}")]
     NoFit(FitError),
     #[error("several runs need a folder for their report; give one with --out DIR")]

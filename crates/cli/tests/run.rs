@@ -26,7 +26,7 @@ struct Robot {
 impl Robot {
     /// A robot that stands, on one side of a new pseudo-terminal, and the path of the other side.
     fn new(run: &Path) -> (Self, String) {
-        let controller = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY).unwrap();
+        let controller = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC).unwrap();
         grantpt(&controller).unwrap();
         unlockpt(&controller).unwrap();
         let path = ptsname(&controller, Vec::new()).unwrap().into_string().unwrap();
@@ -98,9 +98,23 @@ fn a_simulated_robot_walks_holds_and_stops_over_a_pseudo_terminal() {
         .spawn()
         .unwrap();
     assert_eq!(robot.hear().trim_end(), "canter 1 motors 8 control_dt_s 0.01");
-    // No readings yet: it holds the pose that it was built to stand in.
-    let standing = robot.until("holding", true);
-    assert!(standing.iter().all(|target| *target == 0.0), "{standing:?}");
+    // No readings yet: no targets.
+    assert_eq!(robot.hear(), "waiting\n");
+    robot.send_readings();
+    let line = loop {
+        let line = robot.hear();
+        if line != "waiting\n" {
+            break line;
+        }
+    };
+    // From where it is, not from where it should be.
+    let (_, first) = parse_targets(&line).unwrap_or_else(|| panic!("{line}"));
+    let sensors = robot.env.sensors();
+    for (pair, target) in sensors.motor_angles.chunks_exact(2).zip(first.chunks_exact(2)) {
+        let swing = 0.5 * (pair[0] + pair[1]);
+        assert!((target[0] - swing).abs() < 0.021, "{swing}: {target:?}");
+    }
+    robot.send_readings();
     robot.until("standing", true);
     robot.say("what");
     robot.say("walk");
@@ -125,16 +139,72 @@ fn a_simulated_robot_walks_holds_and_stops_over_a_pseudo_terminal() {
     for _ in 0..10 {
         assert_eq!(robot.step(false), ("holding".to_owned(), held.clone()));
     }
+    robot.until("rising", true);
     robot.until("ramping-in", true);
     robot.say("stop");
     robot.until("standing", true);
     robot.say("walk");
     robot.until("walking", true);
     robot.say("quit");
-    robot.until("ramping-out", true);
     robot.until("standing", true);
     let status = canter.wait().unwrap();
     assert!(status.success(), "{status}");
+}
+
+/// A trained run and `canter run` on one side of a pseudo-terminal, a robot that walks on the other.
+fn walking(folder: &TemporaryFolder) -> (Robot, std::process::Child) {
+    let mut train = vec!["train", "--out", "run", "--set", "policy.authority=0.2"];
+    train.extend(TINY);
+    folder.canter(&train).succeeded();
+    let (mut robot, port) = Robot::new(&folder.join("run"));
+    let canter = canter_in(folder.path(), &["run", "run", "--port", &port])
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    robot.hear();
+    robot.hear();
+    robot.send_readings();
+    while robot.hear() == "waiting\n" {}
+    robot.send_readings();
+    robot.say("walk");
+    robot.until("walking", true);
+    (robot, canter)
+}
+
+#[test]
+fn a_gap_in_the_readings_while_it_comes_to_a_stand_is_survived() {
+    let folder = TemporaryFolder::new();
+    let (mut robot, canter) = walking(&folder);
+    robot.say("quit");
+    robot.until("holding", false);
+    robot.send_readings();
+    robot.until("rising", true);
+    robot.until("standing", true);
+    let output = canter.wait_with_output().unwrap();
+    assert!(output.status.success(), "{output:?}");
+}
+
+#[test]
+fn a_robot_that_cannot_be_brought_to_a_stand_is_an_error() {
+    let folder = TemporaryFolder::new();
+    let (mut robot, canter) = walking(&folder);
+    robot.say("quit");
+    robot.until("holding", false);
+    let output = canter.wait_with_output().unwrap();
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(1), "{said}");
+    assert!(said.contains("no readings came before the robot stood"), "{said}");
+}
+
+#[test]
+fn a_cable_that_comes_off_is_an_error() {
+    let folder = TemporaryFolder::new();
+    let (robot, canter) = walking(&folder);
+    drop(robot);
+    let output = canter.wait_with_output().unwrap();
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(1), "{said}");
 }
 
 #[test]
@@ -143,11 +213,49 @@ fn without_a_port_it_speaks_over_standard_input_and_output() {
     let mut train = vec!["train", "--out", "run"];
     train.extend(TINY);
     folder.canter(&train).succeeded();
-    // The other side ends at once: so does it, holding.
+    // The other side ends at once, and nothing was asked of the robot.
     let said = folder.canter(&["run", "run"]).succeeded();
-    let lines: Vec<&str> = said.lines().collect();
-    assert_eq!(lines[0], "canter 1 motors 8 control_dt_s 0.01");
-    assert!(lines[1..].iter().all(|line| line.starts_with("targets holding 0.000000")), "{said}");
+    let (greeting, waiting) = said.split_once('\n').unwrap();
+    assert_eq!(greeting, "canter 1 motors 8 control_dt_s 0.01");
+    assert!(waiting.starts_with("waiting\n") && waiting.lines().all(|line| line == "waiting"), "{said}");
     let refused = folder.canter(&["run", "run", "--port", "no-such-port"]).failed_with(1);
     assert!(refused.contains("no-such-port"), "{refused}");
+}
+
+#[test]
+fn an_input_that_ends_in_mid_stride_is_an_error() {
+    let folder = TemporaryFolder::new();
+    let mut train = vec!["train", "--out", "run"];
+    train.extend(TINY);
+    folder.canter(&train).succeeded();
+    let mut canter = canter_in(folder.path(), &["run", "run"])
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut robot = canter.stdin.take().unwrap();
+    let mut said = BufReader::new(canter.stdout.take().unwrap()).lines();
+    // Legs that are half a radian from where they stand, and time to begin with one step of the way.
+    let mut readings = "sensors".to_owned();
+    for value in [0.5; 8].iter().chain(&[0.0; 14]) {
+        readings += &format!(" {value}");
+    }
+    writeln!(robot, "{readings}").unwrap();
+    let first = said.find_map(|line| parse_targets(&line.unwrap()).map(|(mode, targets)| (mode.to_owned(), targets)));
+    let (mode, targets) = first.unwrap();
+    assert_eq!(mode, "rising");
+    // Swing begins at 0.5 rad, extension at 0.
+    for pair in targets.chunks_exact(2) {
+        assert!((pair[0] - 0.48).abs() < 1e-5 && pair[1].abs() < 1e-5, "{targets:?}");
+    }
+    // A command without its end is none.
+    write!(robot, "quit").unwrap();
+    drop(robot);
+    let rest: Vec<String> = said.map(Result::unwrap).collect();
+    assert!(rest.last().is_some_and(|line| line.starts_with("targets holding")), "{rest:?}");
+    let output = canter.wait_with_output().unwrap();
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(1), "{said}");
+    assert!(said.contains("the input ended before the robot stood"), "{said}");
 }

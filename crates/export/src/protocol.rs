@@ -1,5 +1,7 @@
 //! The line protocol of `canter run`: `docs/line-protocol.md` describes it.
 
+use std::io::{self, BufRead, BufReader, Read};
+
 use canter_gait::Mode;
 
 use crate::exported::{Exported, Readings};
@@ -7,7 +9,7 @@ use crate::exported::{Exported, Readings};
 /// Version of the protocol.
 pub const VERSION: u32 = 1;
 
-/// A longer line is refused unread [bytes].
+/// A longer line is refused as a whole [bytes, with its end].
 pub const MAX_LINE_BYTES: usize = 4096;
 
 /// What the robot's side says.
@@ -23,11 +25,48 @@ pub enum Said {
     Quit,
 }
 
+/// One line from the robot's side: none if it says nothing, an error if it was not understood.
+pub type Heard = Result<Option<Said>, String>;
+
+/// Reads what the robot's side says.
+#[derive(Debug)]
+pub struct Listener<R> {
+    input: BufReader<R>,
+    line: Vec<u8>,
+    num_motors: usize,
+}
+
+impl<R: Read> Listener<R> {
+    /// Reads from here on.
+    pub fn new(input: R, num_motors: usize) -> Self {
+        Self { input: BufReader::new(input), line: Vec::new(), num_motors }
+    }
+
+    /// Waits for the next line; none once there will be no more. A line counts when its end has come: what a connection
+    /// leaves when it breaks is no command.
+    ///
+    /// # Errors
+    /// The system's.
+    pub fn next(&mut self) -> io::Result<Option<Heard>> {
+        self.line.clear();
+        let num_bytes = self.input.by_ref().take(MAX_LINE_BYTES as u64).read_until(b'\n', &mut self.line)?;
+        if self.line.ends_with(b"\n") {
+            let text = std::str::from_utf8(&self.line).map_err(|_| "a line is text".to_owned());
+            return Ok(Some(text.and_then(|text| parse(text, self.num_motors))));
+        }
+        if num_bytes < MAX_LINE_BYTES {
+            return Ok(None);
+        }
+        self.input.skip_until(b'\n')?;
+        Ok(Some(Err(format!("a line has at most {MAX_LINE_BYTES} bytes"))))
+    }
+}
+
 /// Understands one line from the robot's side; none if it is empty or a comment.
 ///
 /// # Errors
 /// What is wrong with it.
-pub fn parse(line: &str, num_motors: usize) -> Result<Option<Said>, String> {
+pub fn parse(line: &str, num_motors: usize) -> Heard {
     let mut words = line.split_ascii_whitespace();
     let said = match words.next() {
         None => return Ok(None),
@@ -68,8 +107,11 @@ pub fn greeting(exported: &Exported<'_>) -> String {
     format!("canter {VERSION} motors {motors} control_dt_s {dt_s}")
 }
 
-/// The line of one control step.
+/// The line of one control step; while the robot waits there are no targets.
 pub fn targets(mode: Mode, targets: &[f32]) -> String {
+    if mode == Mode::Waiting {
+        return mode.name().to_owned();
+    }
     targets.iter().fold(format!("targets {}", mode.name()), |line, target| format!("{line} {target:.6}"))
 }
 
@@ -113,5 +155,24 @@ mod tests {
         assert_eq!(line, "targets ramping-in 0.500000 -1.250000");
         assert_eq!(parse_targets(&line), Some(("ramping-in", vec![0.5, -1.25])));
         assert_eq!(parse_targets("targets walking x"), None);
+        assert_eq!(targets(Mode::Waiting, &[0.0; 2]), "waiting");
+    }
+
+    #[test]
+    fn only_whole_lines_of_bearable_length_count() {
+        let mut said = "quit ".repeat(MAX_LINE_BYTES);
+        said += "quit\nwalk\n";
+        // As long as may be, and one byte too long.
+        said += &format!("#{}\n", "x".repeat(MAX_LINE_BYTES - 2));
+        said += &format!("#{}\nstop", "x".repeat(MAX_LINE_BYTES - 1));
+        let mut listener = Listener::new(said.as_bytes(), 2);
+        let too_long = || Some(Err("a line has at most 4096 bytes".to_owned()));
+        assert_eq!(listener.next().unwrap(), too_long());
+        assert_eq!(listener.next().unwrap(), Some(Ok(Some(Said::Walk))));
+        assert_eq!(listener.next().unwrap(), Some(Ok(None)));
+        assert_eq!(listener.next().unwrap(), too_long());
+        assert_eq!(listener.next().unwrap(), None);
+        let mut listener = Listener::new(&b"stop \xff\n"[..], 2);
+        assert_eq!(listener.next().unwrap(), Some(Err("a line is text".to_owned())));
     }
 }

@@ -1,19 +1,19 @@
 //! `canter run`.
 
 use std::fs::{File, OpenOptions};
-use std::io::{self, BufRead, BufReader, Read, Write};
+use std::io::{self, Read, Write};
 use std::os::unix::fs::OpenOptionsExt;
 use std::path::Path;
 use std::process::ExitCode;
 use std::sync::atomic::Ordering;
-use std::sync::mpsc::{self, Receiver, SyncSender, TryRecvError};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::thread;
 use std::time::{Duration, Instant};
 
 use canter_export::Exported;
 use canter_export::exported::{Readings, Running};
-use canter_export::protocol::{self, MAX_LINE_BYTES, Said};
-use canter_gait::{Mode, RuntimeSettings};
+use canter_export::protocol::{self, Listener, Said};
+use canter_gait::Mode;
 use rustix::termios;
 
 use crate::args::RunArgs;
@@ -21,11 +21,11 @@ use crate::commands::learned;
 use crate::error::CliError;
 use crate::interrupt::Interrupt;
 
-/// Lines that may wait to be looked at; a robot that sends more waits itself.
-const WAITING_LINES: usize = 64;
+/// How long a robot that has to come to a stand may be without readings.
+const GRACE: Duration = Duration::from_secs(1);
 
-/// What came from the robot's side, and when.
-type Heard = (Instant, Result<Option<Said>, String>);
+/// Problems that are told in one step; further ones are the same robot's.
+const MOST_PROBLEMS: usize = 8;
 
 /// `canter run`.
 pub fn run(args: &RunArgs) -> Result<ExitCode, CliError> {
@@ -40,17 +40,22 @@ pub fn run(args: &RunArgs) -> Result<ExitCode, CliError> {
         None => (Box::new(io::stdin()), Box::new(io::stdout())),
     };
     let interrupt = Interrupt::listen("\ncoming to a stand; once more ends at once")?;
-    let (sender, heard) = mpsc::sync_channel(WAITING_LINES);
-    let num_motors = exported.controller().num_motors();
-    thread::spawn(move || listen(input, num_motors, &sender));
-    let mut session =
-        Session { running: Running::new(&exported, RuntimeSettings::DEFAULT), newest: None, is_ending: false, heard };
-    match session.run(&exported, &mut output, || interrupt.stop.load(Ordering::Relaxed)) {
-        // The other side has gone: there is nobody left to move.
-        Err(error) if error.kind() != io::ErrorKind::BrokenPipe => {
-            Err(unreachable(args.port.as_deref().unwrap_or(Path::new("standard output")), error))
-        }
-        _ => Ok(ExitCode::SUCCESS),
+    let inbox = Arc::new(Mutex::new(Inbox::default()));
+    let listener = Listener::new(input, exported.controller().num_motors());
+    let shared = inbox.clone();
+    thread::spawn(move || listen(listener, &shared));
+    let mut session = Session::new(&exported, &inbox);
+    let end = session.run(&exported, &mut output, || interrupt.stop.load(Ordering::Relaxed));
+    let path = args.port.as_deref().unwrap_or(Path::new("standard input and output"));
+    match end {
+        Ok(()) => Ok(ExitCode::SUCCESS),
+        // Nobody listens any more.
+        Err(Failure::Io(error)) if error.kind() == io::ErrorKind::BrokenPipe => match session.stands() {
+            true => Ok(ExitCode::SUCCESS),
+            false => Err(CliError::LeftMoving { why: "the other side stopped listening", path: path.to_owned() }),
+        },
+        Err(Failure::Io(error)) => Err(unreachable(path, error)),
+        Err(Failure::LeftMoving(why)) => Err(CliError::LeftMoving { why, path: path.to_owned() }),
     }
 }
 
@@ -69,57 +74,103 @@ fn open_port(path: &Path, baud: u32) -> io::Result<File> {
     Ok(file)
 }
 
-/// Reads lines until the other side ends.
-fn listen(input: impl Read, num_motors: usize, sender: &SyncSender<Heard>) {
-    let mut input = BufReader::new(input);
-    let mut line = Vec::new();
+/// What has come from the robot's side and was not looked at yet.
+#[derive(Default)]
+struct Inbox {
+    /// The newest readings, and when they came.
+    newest: Option<(Instant, Readings)>,
+    /// The last word on whether to walk.
+    walk: Option<bool>,
+    quits: bool,
+    /// What was not understood.
+    problems: Vec<String>,
+    /// How the other side's words ended.
+    end: Option<io::Result<()>>,
+}
+
+impl Inbox {
+    fn take(shared: &Mutex<Self>) -> Self {
+        std::mem::take(&mut *shared.lock().unwrap_or_else(PoisonError::into_inner))
+    }
+}
+
+/// Listens until the other side ends. Readings are looked at when they come, so that none waits and grows old in a queue.
+fn listen(mut listener: Listener<impl Read>, inbox: &Mutex<Inbox>) {
     loop {
-        line.clear();
-        match input.by_ref().take(MAX_LINE_BYTES as u64).read_until(b'\n', &mut line) {
-            Ok(0) | Err(_) => return,
-            Ok(_) => {}
+        let heard = listener.next();
+        let mut inbox = inbox.lock().unwrap_or_else(PoisonError::into_inner);
+        match heard {
+            Ok(Some(Ok(Some(Said::Sensors(readings))))) => inbox.newest = Some((Instant::now(), readings)),
+            Ok(Some(Ok(Some(Said::Walk)))) => inbox.walk = Some(true),
+            Ok(Some(Ok(Some(Said::Stop)))) => inbox.walk = Some(false),
+            Ok(Some(Ok(Some(Said::Quit)))) => inbox.quits = true,
+            Ok(Some(Ok(None))) => {}
+            Ok(Some(Err(message))) if inbox.problems.len() < MOST_PROBLEMS => inbox.problems.push(message),
+            Ok(Some(Err(_))) => {}
+            Ok(None) => return inbox.end = Some(Ok(())),
+            Err(error) => return inbox.end = Some(Err(error)),
         }
-        let said = match std::str::from_utf8(&line) {
-            Ok(text) if text.ends_with('\n') || line.len() < MAX_LINE_BYTES => protocol::parse(text, num_motors),
-            Ok(_) => Err(format!("a line has at most {MAX_LINE_BYTES} bytes")),
-            Err(_) => Err("a line is text".to_owned()),
-        };
-        if sender.send((Instant::now(), said)).is_err() {
-            return;
-        }
+    }
+}
+
+/// Why a session ended otherwise than with a robot that stands.
+enum Failure {
+    Io(io::Error),
+    LeftMoving(&'static str),
+}
+
+impl From<io::Error> for Failure {
+    fn from(error: io::Error) -> Self {
+        Self::Io(error)
     }
 }
 
 /// A robot at the other end.
 struct Session<'a> {
     running: Running<'a>,
-    /// The newest readings and when they came.
+    inbox: &'a Mutex<Inbox>,
+    /// The newest readings, and when they came.
     newest: Option<(Instant, Readings)>,
+    /// What the robot was doing when it last did anything but hold its pose.
+    last_mode: Mode,
+    holds_since: Option<Instant>,
     /// Whether it comes to a stand for good.
     is_ending: bool,
-    heard: Receiver<Heard>,
+    /// How the other side's words ended.
+    end: Option<io::Result<()>>,
 }
 
-impl Session<'_> {
-    /// Steps at the control rate until the robot stands for good.
+impl<'a> Session<'a> {
+    fn new(exported: &Exported<'a>, inbox: &'a Mutex<Inbox>) -> Self {
+        Self {
+            running: Running::new(exported),
+            inbox,
+            newest: None,
+            last_mode: Mode::Waiting,
+            holds_since: None,
+            is_ending: false,
+            end: None,
+        }
+    }
+
+    /// Steps at the control rate until the robot stands for good, or cannot be brought there.
     fn run(
         &mut self,
         exported: &Exported<'_>,
         output: &mut dyn Write,
         is_stopped: impl Fn() -> bool,
-    ) -> io::Result<()> {
+    ) -> Result<(), Failure> {
         let period = Duration::from_secs_f64(exported.task().settings.control_dt_s);
-        // Before the first readings the pose is held; what they are does not matter.
         let nothing = Readings::zero(exported.controller().num_motors());
         writeln!(output, "{}", protocol::greeting(exported))?;
         output.flush()?;
         let mut next = Instant::now();
         loop {
-            for message in self.listen() {
+            for message in self.take_in() {
                 writeln!(output, "{}", protocol::problem(&message))?;
             }
-            if is_stopped() {
-                self.end();
+            if self.end.is_some() || is_stopped() {
+                self.stand_for_good();
             }
             let (sensors, age_s) = match &self.newest {
                 Some((at, readings)) => (readings, at.elapsed().as_secs_f32()),
@@ -128,8 +179,9 @@ impl Session<'_> {
             let mode = self.running.step(sensors.sensors(), age_s);
             writeln!(output, "{}", protocol::targets(mode, self.running.targets()))?;
             output.flush()?;
-            if self.is_ending && matches!(mode, Mode::Standing | Mode::Holding) {
-                return Ok(());
+            self.note(mode);
+            if self.is_ending && self.is_over(mode)? {
+                return self.end.take().unwrap_or(Ok(())).map_err(Failure::Io);
             }
             next += period;
             match next.checked_duration_since(Instant::now()) {
@@ -140,28 +192,50 @@ impl Session<'_> {
         }
     }
 
-    fn end(&mut self) {
+    /// Takes in what has come since the last step; returns what was not understood.
+    fn take_in(&mut self) -> Vec<String> {
+        let inbox = Inbox::take(self.inbox);
+        self.newest = inbox.newest.or(self.newest.take());
+        self.end = inbox.end.or(self.end.take());
+        if let (Some(walk), false) = (inbox.walk, self.is_ending) {
+            self.running.walk(walk);
+        }
+        if inbox.quits {
+            self.stand_for_good();
+        }
+        inbox.problems
+    }
+
+    fn stand_for_good(&mut self) {
         self.is_ending = true;
         self.running.walk(false);
     }
 
-    /// Takes in what has come since the last step; returns what was not understood.
-    fn listen(&mut self) -> Vec<String> {
-        let mut problems = Vec::new();
-        loop {
-            match self.heard.try_recv() {
-                Ok((at, Ok(Some(Said::Sensors(readings))))) => self.newest = Some((at, readings)),
-                Ok((_, Ok(Some(Said::Walk)))) if !self.is_ending => self.running.walk(true),
-                Ok((_, Ok(Some(Said::Walk) | None))) => {}
-                Ok((_, Ok(Some(Said::Stop)))) => self.running.walk(false),
-                Ok((_, Ok(Some(Said::Quit)))) => self.end(),
-                Ok((_, Err(message))) => problems.push(message),
-                Err(TryRecvError::Empty) => return problems,
-                Err(TryRecvError::Disconnected) => {
-                    self.end();
-                    return problems;
-                }
+    fn note(&mut self, mode: Mode) {
+        if mode == Mode::Holding {
+            self.holds_since.get_or_insert_with(Instant::now);
+        } else {
+            (self.holds_since, self.last_mode) = (None, mode);
+        }
+    }
+
+    /// Whether the robot stands, or nothing was ever asked of it.
+    fn stands(&self) -> bool {
+        matches!(self.last_mode, Mode::Standing | Mode::Waiting)
+    }
+
+    /// Whether a robot that is to stand for good does.
+    fn is_over(&mut self, mode: Mode) -> Result<bool, Failure> {
+        if self.stands() || mode != Mode::Holding {
+            return Ok(self.stands());
+        }
+        match self.end.take() {
+            Some(Ok(())) => Err(Failure::LeftMoving("the input ended")),
+            Some(Err(error)) => Err(Failure::Io(error)),
+            None if self.holds_since.is_some_and(|since| since.elapsed() > GRACE) => {
+                Err(Failure::LeftMoving("no readings came"))
             }
+            None => Ok(false),
         }
     }
 }

@@ -59,11 +59,17 @@ pub enum CliError {
     )]
     NoViewer(String, String),
     #[error(
-        "nothing was exported, the replay broke {} of {}:\n{}\nThese limits protect the robot; --allow-unsafe writes the \
-         files all the same",
-        if .0.len() == 1 { "a limit".to_owned() } else { format!("{} limits", .0.len()) }, .1, .0.join("\n")
+        "nothing was exported, the replay broke {} of {run}:\n{}\nThese limits protect the robot; --allow-unsafe writes the \
+         files all the same{}",
+        if .broken.len() == 1 { "a limit".to_owned() } else { format!("{} limits", .broken.len()) },
+        .broken.join("\n"),
+        .earlier.as_ref().map_or(String::new(), |folder| format!(
+            "\nWhat lies in {} is an earlier export, and not this policy", folder.display()
+        ))
     )]
-    Unsafe(Vec<String>, String),
+    Unsafe { broken: Vec<String>, run: String, earlier: Option<PathBuf> },
+    #[error("{0} is no list of measured exports: move it away, and this export will begin a new one")]
+    BrokenMeasurements(String),
     #[error("{0} never walked through a whole cycle, so there is no gait to write down")]
     NoCycle(String),
     #[error("{}: the robot cannot be reached: {source}", .path.display())]

@@ -55,7 +55,7 @@ fn every_format_is_written_with_its_certificate() {
     run_in(&folder);
     let formats = [
         ("c", &["canter_policy.h", "canter_policy.c", "canter_sketch.ino"][..]),
-        ("onnx", &["policy.onnx", "run_policy.py"]),
+        ("onnx", &["policy.onnx", "start.onnx", "run_policy.py"]),
         ("rust", &["Cargo.toml", "src/lib.rs", "src/data.rs", "gait/src/controller.rs"]),
         ("table", &["gait.csv", "spread.csv", "gait.toml"]),
         ("gait", &["gait.toml", "firmware.txt", "firmware-certificate.json"]),
@@ -79,7 +79,7 @@ fn every_format_is_written_with_its_certificate() {
     }
     let commands = fs::read_to_string(folder.join("out-gait/firmware.txt")).unwrap();
     let letters: Vec<&str> = commands.lines().map(|line| &line[..1]).collect();
-    assert_eq!(letters, ["f", "l", "h", "u", "d", "p", "s", "g"]);
+    assert_eq!(letters, ["S", "f", "l", "h", "u", "d", "p", "s", "T", "g"]);
 
     // The table is a gait of the robot's: canter reads back what it wrote.
     let robot = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../robots/doggo");
@@ -117,9 +117,34 @@ fn a_policy_that_breaks_a_limit_is_refused_by_its_name() {
     let message = folder.canter(&["export", "run", "--format", "c"]).failed_with(1);
     assert!(message.contains("time at a leg-space limit"), "{message}");
     assert!(message.contains("falls"), "{message}");
-    assert!(!folder.join("run/export").exists());
+    assert!(!folder.join("run/export").exists() && !message.contains("earlier export"), "{message}");
     let finished = folder.canter(&["export", "run", "--format", "c", "--allow-unsafe"]);
     assert_eq!(finished.code, Some(0));
     assert!(finished.stderr.contains("not safe"), "{}", finished.stderr);
     assert!(folder.join("run/export/c/canter_policy.c").is_file());
+    // The certificate of another export must not be taken for this one's.
+    let message = folder.canter(&["export", "run", "--format", "c"]).failed_with(1);
+    assert!(message.contains("What lies in run/export/c is an earlier export"), "{message}");
+    // What was measured before is not thrown away because it cannot be read.
+    fs::write(folder.join("run/export.json"), "{").unwrap();
+    let message = folder.canter(&["export", "run", "--format", "c", "--allow-unsafe"]).failed_with(1);
+    assert!(message.contains("run/export.json is no list of measured exports"), "{message}");
+    assert_eq!(fs::read_to_string(folder.join("run/export.json")).unwrap(), "{");
+}
+
+#[test]
+fn the_commands_of_an_earlier_gait_do_not_stay() {
+    let folder = TemporaryFolder::new();
+    run_in(&folder);
+    // As an export of a gait that the firmware took would have left them.
+    fs::create_dir(folder.join("out")).unwrap();
+    for name in ["firmware.txt", "firmware-certificate.json", "firmware-certificate.txt"] {
+        fs::write(folder.join("out").join(name), "earlier").unwrap();
+    }
+    let finished = folder.canter(&["export", "run", "--format", "gait", "--out", "out", "--allow-unsafe"]);
+    assert_eq!(finished.code, Some(0), "{finished:?}");
+    for name in ["firmware.txt", "firmware-certificate.json", "firmware-certificate.txt"] {
+        let own = fs::read_to_string(folder.join("out").join(name));
+        assert!(own.is_ok_and(|text| text != "earlier"), "{name}");
+    }
 }

@@ -202,6 +202,10 @@ const SETTINGS: &[(Change, &str)] = &[
         Settings("name = \"sine\"", "name = \"stepping\""),
         "gaits[1].name = \"stepping\" is refused: another gait has this name",
     ),
+    (
+        Settings("name = \"doggo\"", "name = \"*/ doggo\""),
+        "name = \"*/ doggo\" is refused: files are named after robots",
+    ),
     (Settings("name = \"sine\"", "name = \"../sine\""), "files are named after gaits"),
     (Settings("name = \"sine\"", "name = \"learned\""), "this name is what training makes of a gait"),
     (

@@ -77,22 +77,26 @@ fn a_model_without_ground_and_servos_walks_too() {
     let legs = [pose; 4].join(" ");
     let key = format!("<keyframe><key name=\"home\" qpos=\"0 0 0.3 1 0 0 0 {legs}\"/></keyframe>\n</mujoco>");
     text = text.replace("</mujoco>", &key);
-    fs::write(folder.join("m/bare.xml"), &text).unwrap();
-    let said = folder.canter(&["robot", "new", "--from", "m/bare.xml"]).succeeded();
+    fs::write(folder.join("m/bare & \"1\".xml"), &text).unwrap();
+    let said = folder.canter(&["robot", "new", "--from", "m/bare & \"1\".xml"]).succeeded();
     for words in [
         "Wrote:    m/robot.toml",
-        "Wrote:    m/bare_scene.xml",
+        "Wrote:    m/bare & \"1\"_scene.xml",
         "motor.position_gain_nm_per_rad: ",
         "keyframe: the model has no pose",
     ] {
         assert!(said.contains(words), "{words}: {said}");
     }
     // The model is as it was.
-    assert_eq!(fs::read_to_string(folder.join("m/bare.xml")).unwrap(), text);
+    assert_eq!(fs::read_to_string(folder.join("m/bare & \"1\".xml")).unwrap(), text);
     let (speed, falls) = walk(&folder, "m/robot.toml");
     assert!(speed > 0.2 && falls == 0, "{speed} m/s, {falls} falls");
+    // Names of files may be what names of robots may not.
+    assert!(fs::read_to_string(folder.join("m/robot.toml")).unwrap().contains("\nname = \"bare____1_\"\n"));
+    let refused = folder.canter(&["robot", "new", "--from", "m/bare & \"1\".xml", "--name", "a*/"]).failed_with(2);
+    assert!(refused.contains("use letters, digits, `-` and `_` only"), "{refused}");
     // Nothing that is there is written over.
-    let refused = folder.canter(&["robot", "new", "--from", "m/bare.xml"]).failed_with(1);
+    let refused = folder.canter(&["robot", "new", "--from", "m/bare & \"1\".xml"]).failed_with(1);
     assert!(refused.contains("m/robot.toml is there already"), "{refused}");
 }
 

@@ -8,9 +8,7 @@ use std::fmt::Write;
 use canter_gait::mirror::Component;
 use canter_gait::normaliser::OBSERVATION_LIMIT;
 use canter_gait::prior::TABLE_POINTS;
-use canter_gait::{
-    Actuators, Leg, LegGait, LegGeometry, Modulation, ObservationBlock, Range, Waveform, action, tanh,
-};
+use canter_gait::{Actuators, Leg, LegGait, LegGeometry, Modulation, ObservationBlock, Range, Waveform, action, tanh};
 
 use crate::exported::{Exported, TestVector};
 use crate::numbers::{lines, list, number};

@@ -86,8 +86,8 @@ pub struct WearCard {
     pub time_at_torque_limit: f64,
     /// Greatest speed of a motor [rad/s].
     pub motor_speed_rad_per_s: f64,
-    /// Greatest speed of a command [rad/s].
-    pub target_speed_rad_per_s: f64,
+    /// Greatest speed that the commands ask of a motor [rad/s].
+    pub command_speed_rad_per_s: f64,
     /// Least and greatest commanded leg length [m].
     pub leg_length_m: [f64; 2],
 }
@@ -161,7 +161,7 @@ pub fn certify(
             rms_torque_nm: wear.rms_torque_nm().1,
             time_at_torque_limit: wear.time_at_torque_limit().1,
             motor_speed_rad_per_s: wear.motor_speed,
-            target_speed_rad_per_s: wear.target_speed,
+            command_speed_rad_per_s: wear.command_speed,
             leg_length_m: wear.lengths_m(),
         },
         policy,

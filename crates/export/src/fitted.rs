@@ -48,18 +48,26 @@ pub fn toml(fitted: &Fitted) -> String {
     format!("# {rms_rad:.4} rad (root mean square) from the learned gait's average.\n{}\n", text.trim())
 }
 
-/// The firmware's serial commands for a stepping gait, one a line; none for another robot, shape or gain that the firmware
-/// would refuse.
+/// The firmware's serial commands for a stepping gait, one a line; none for another robot, shape or footfall, or one that the
+/// firmware would refuse.
+///
+/// `S` stops: what is set then is for the next gait, which the letter of a footfall begins. That also sets gains, so ours come
+/// after it. Source: Doggo's firmware, its interpreter of commands and its transitions between states.
 pub fn firmware_commands(exported: &Exported<'_>, fitted: &Fitted) -> Option<String> {
     let rules = FirmwareRules::of(&exported.file().card.robot.name)?;
     let GaitSettings::Stepping(gait) = &fitted.fit.settings else { return None };
-    let [stiffness, damping, other_stiffness, other_damping] = DOGGO_GAINS;
-    let [most_stiffness, most_damping] = rules.max_gains;
-    if stiffness.max(other_stiffness) > most_stiffness || damping.max(other_damping) > most_damping {
+    let footfall = match gait.footfall {
+        Footfall::Trot => 'T',
+        Footfall::Walk => 'W',
+        Footfall::Bound => 'B',
+        Footfall::Pronk => 'P',
+        _ => return None,
+    };
+    if !rules.allow(gait) || !rules.allow_gains(DOGGO_GAINS) {
         return None;
     }
-    let mut text = String::new();
-    let commands = [
+    let mut text = "S\n".to_owned();
+    let values = [
         ('f', gait.stride_frequency_hz),
         ('l', gait.step_length_m),
         ('h', gait.stance_height_m),
@@ -69,11 +77,10 @@ pub fn firmware_commands(exported: &Exported<'_>, fitted: &Fitted) -> Option<Str
         // Both sides step equally far.
         ('s', 0.0),
     ];
-    for (letter, value) in commands {
+    for (letter, value) in values {
         let _ = writeln!(text, "{letter} {value}");
     }
     let gains: Vec<String> = DOGGO_GAINS.iter().map(f64::to_string).collect();
-    let _ = writeln!(text, "g {}", gains.join(" "));
-    // The firmware's gaits move legs in these patterns only.
-    matches!(gait.footfall, Footfall::Trot | Footfall::Walk | Footfall::Bound | Footfall::Pronk).then_some(text)
+    let _ = writeln!(text, "{footfall}\ng {}", gains.join(" "));
+    Some(text)
 }

@@ -69,10 +69,10 @@ pub struct Wear {
     commands: Vec<[f64; 3]>,
     /// `(L)` least and greatest commanded leg length [m].
     lengths_m: Vec<[f64; 2]>,
-    /// `(M)` the targets of the step before [rad].
-    last_targets: Vec<f32>,
-    /// Greatest speed of a target [rad/s].
-    pub target_speed: f64,
+    /// `(M)` the motor angles that were commanded in the step before [rad].
+    last_commanded: Vec<f32>,
+    /// Greatest speed that the commands ask of a motor [rad/s].
+    pub command_speed: f64,
     /// Greatest speed of a motor [rad/s].
     pub motor_speed: f64,
     /// For each motor: sum of squared torques [N^2 m^2], and steps at the greatest torque.
@@ -87,8 +87,10 @@ impl Watcher for Wear {
         self.steps += 1;
         self.commands.resize(targets.len(), [f64::INFINITY, f64::NEG_INFINITY, 0.0]);
         self.lengths_m.resize(robot.legs.len(), [f64::INFINITY, f64::NEG_INFINITY]);
+        let mut commanded = Vec::with_capacity(targets.len());
         for (i, (leg, pair)) in robot.legs.iter().zip(targets.chunks_exact(2)).enumerate() {
             let position = leg.position_at([pair[0], pair[1]]);
+            commanded.extend(leg.geometry.motor_angles(position));
             let coordinates = [(position.swing, leg.limits.swing), (position.extension, leg.limits.extension)];
             for (note, (value, [low, high])) in self.commands[2 * i..].iter_mut().zip(coordinates) {
                 let is_at_limit = value <= low + AT_LIMIT_RAD || value >= high - AT_LIMIT_RAD;
@@ -99,10 +101,10 @@ impl Watcher for Wear {
             let [low, high] = &mut self.lengths_m[i];
             (*low, *high) = (low.min(length), high.max(length));
         }
-        for (target, last) in targets.iter().zip(&self.last_targets) {
-            self.target_speed = self.target_speed.max(f64::from((target - last).abs()) / dt_s);
+        for (now, last) in commanded.iter().zip(&self.last_commanded) {
+            self.command_speed = self.command_speed.max(f64::from((now - last).abs()) / dt_s);
         }
-        self.last_targets = targets.to_vec();
+        self.last_commanded = commanded;
         let (max_torque_nm, torques) = (robot.settings.motor.max_torque_nm, env.motor_torques());
         self.torques.resize(torques.len(), [0.0; 2]);
         for ([squares, at_limit], torque) in self.torques.iter_mut().zip(torques) {
@@ -130,7 +132,7 @@ impl Wear {
         for (own, other) in self.torques.iter_mut().zip(&other.torques) {
             *own = [own[0] + other[0], own[1] + other[1]];
         }
-        self.target_speed = self.target_speed.max(other.target_speed);
+        self.command_speed = self.command_speed.max(other.command_speed);
         self.motor_speed = self.motor_speed.max(other.motor_speed);
     }
 

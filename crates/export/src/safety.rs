@@ -1,5 +1,6 @@
 //! Whether the exported thing may move a robot: what it did in the simulator, held against limits.
 
+use canter_sim::robot::SteppingSettings;
 use canter_train::evaluate::GaitReport;
 use serde::Serialize;
 
@@ -57,6 +58,27 @@ impl FirmwareRules {
             FirmwareRules { leg_length_m: [0.08, 0.25], max_frequency_hz: 10.0, max_gains: [320.0, 10.0] };
         (robot == "doggo").then_some(DOGGO)
     }
+
+    /// Whether the firmware takes this gait: its legs neither too long nor too short where it looks, which is in the middle
+    /// and at the ends of a step.
+    pub fn allow(&self, gait: &SteppingSettings) -> bool {
+        let [least_m, most_m] = self.leg_length_m;
+        let height_m = gait.stance_height_m;
+        height_m + gait.down_amplitude_m <= most_m
+            && height_m.hypot(0.5 * gait.step_length_m) <= most_m
+            && height_m - gait.up_amplitude_m >= least_m
+            && gait.flight_fraction > 0.0
+            && gait.flight_fraction <= 1.0
+            && (0.0..=self.max_frequency_hz).contains(&gait.stride_frequency_hz)
+    }
+
+    /// Whether the firmware takes these gains, a stiffness [A/rad] and a damping [A s/rad] for swing and for extension.
+    pub fn allow_gains(&self, gains: [f64; 4]) -> bool {
+        let [most_stiffness, most_damping] = self.max_gains;
+        gains
+            .chunks_exact(2)
+            .all(|pair| (0.0..=most_stiffness).contains(&pair[0]) && (0.0..=most_damping).contains(&pair[1]))
+    }
 }
 
 /// One limit and what was measured.
@@ -112,8 +134,8 @@ pub fn check(exported: &Exported<'_>, measured: &Measured<'_>, thresholds: &Thre
     let no_load = motor.no_load_speed_rad_per_s;
     let allowed = || format!("at most {no_load:.1} rad/s, the motor's speed without load");
     push("joint speed", (format!("{:.1} rad/s", wear.motor_speed), allowed()), wear.motor_speed <= no_load);
-    let words = (format!("{:.1} rad/s", wear.target_speed), allowed());
-    push("speed of the commands", words, wear.target_speed <= no_load);
+    let words = (format!("{:.1} rad/s", wear.command_speed), allowed());
+    push("speed of the commands", words, wear.command_speed <= no_load);
 
     let (place, share) = wear.time_at_torque_limit();
     let words = (
@@ -176,4 +198,42 @@ pub fn max_frequency_hz(exported: &Exported<'_>) -> f64 {
     let reversed = vec![-1.0; controller.num_actions()];
     let of = |action: &[f32]| f64::from(law.stride_frequency_hz(&gait, action));
     of(&saturated).max(of(&reversed))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use canter_sim::robot::Footfall;
+
+    #[test]
+    fn the_firmware_takes_its_own_trot_and_nothing_beyond_its_rules() {
+        let rules = FirmwareRules::of("doggo").unwrap();
+        let trot = || SteppingSettings {
+            name: "trot".to_owned(),
+            default: true,
+            stable: true,
+            footfall: Footfall::Trot,
+            stride_frequency_hz: 2.0,
+            stance_height_m: 0.17,
+            down_amplitude_m: 0.04,
+            up_amplitude_m: 0.06,
+            flight_fraction: 0.35,
+            step_length_m: 0.15,
+            phase_offsets_cycles: None,
+        };
+        assert!(rules.allow(&trot()));
+        for broken in [
+            SteppingSettings { down_amplitude_m: 0.081, ..trot() },
+            // hypot(0.17, 0.19) = 0.255
+            SteppingSettings { step_length_m: 0.38, ..trot() },
+            SteppingSettings { up_amplitude_m: 0.091, ..trot() },
+            SteppingSettings { flight_fraction: 0.0, ..trot() },
+            SteppingSettings { stride_frequency_hz: 10.1, ..trot() },
+        ] {
+            assert!(!rules.allow(&broken), "{broken:?}");
+        }
+        assert!(rules.allow_gains([80.0, 0.5, 50.0, 0.5]));
+        assert!(!rules.allow_gains([80.0, 0.5, 50.0, 10.5]) && !rules.allow_gains([321.0, 0.5, 50.0, 0.5]));
+        assert!(FirmwareRules::of("minitaur").is_none());
+    }
 }

@@ -43,15 +43,8 @@ pub enum Mode {
 
 impl Mode {
     /// Every mode, in the order of the numbers that the C export gives them.
-    pub const ALL: [Self; 7] = [
-        Self::Waiting,
-        Self::Rising,
-        Self::Standing,
-        Self::RampingIn,
-        Self::Walking,
-        Self::RampingOut,
-        Self::Holding,
-    ];
+    pub const ALL: [Self; 7] =
+        [Self::Waiting, Self::Rising, Self::Standing, Self::RampingIn, Self::Walking, Self::RampingOut, Self::Holding];
 
     /// The mode's name in protocols.
     pub const fn name(self) -> &'static str {

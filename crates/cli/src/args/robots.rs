@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use canter_sim::robot::draft::robot_name;
 use clap::{Args, Subcommand};
 
 use super::WorkerThreads;
@@ -44,10 +45,15 @@ pub struct RobotNewArgs {
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
     /// The robot's name; that of the model's file if not given
-    #[arg(long, value_name = "NAME")]
+    #[arg(long, value_name = "NAME", value_parser = plain_name)]
     pub name: Option<String>,
     #[command(flatten)]
     pub workers: WorkerThreads,
+}
+
+/// A name that a robot may have.
+fn plain_name(name: &str) -> Result<String, String> {
+    if robot_name(name) == name { Ok(name.to_owned()) } else { Err("use letters, digits, `-` and `_` only".to_owned()) }
 }
 
 #[derive(Debug, Args)]

@@ -1,6 +1,7 @@
 //! `canter export`.
 
-use std::path::Path;
+use std::io;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use canter_export::table::OpenLoop;
@@ -18,12 +19,16 @@ use crate::output::{complain, say};
 /// What an export writes: path within its folder, content.
 type Files = Vec<(String, Vec<u8>)>;
 
+/// Files of a format that the nearest stepping gait adds to, where the robot has a firmware that we know.
+const FIRMWARE: [&str; 3] = ["firmware.txt", "firmware-certificate.json", "firmware-certificate.txt"];
+
 /// `canter export`.
 pub fn export(args: &ExportArgs) -> Result<ExitCode, CliError> {
     let (resolved, policy) = learned(&args.run, |document| document)?;
     let workers = workers(args.workers.threads)?;
     let settings = &resolved.config.evaluation;
     let exported = Exported::new(&resolved.task, &policy)?;
+    let mut measured = read_measured(&args.run)?;
     let name = format_name(args.format);
     let average = match args.format {
         ExportFormat::Table | ExportFormat::Gait => {
@@ -34,40 +39,53 @@ pub fn export(args: &ExportArgs) -> Result<ExitCode, CliError> {
     };
     let judged = read_eval(&args.run)?.and_then(|eval| Walked::from_eval(&eval, settings));
     let folder = args.out.clone().unwrap_or_else(|| args.run.join("export").join(name));
-    let release = |format, open_loop: Option<&OpenLoop>, files: Files, suffix: &str| {
+    let mut replay = |format, open_loop: Option<&OpenLoop>| {
         let candidate = Candidate { exported, format, open_loop, judged };
         let certificate = certify(&candidate, settings, &Thresholds::DEFAULT, &workers);
-        record(&args.run, &certificate)?;
-        permit(args, &certificate)?;
-        write(&folder, files, &certificate, suffix)
+        measured[format] = entry(&certificate);
+        write_file(&measured_path(&args.run), format!("{measured:#}\n").as_bytes())?;
+        Ok::<_, CliError>(certificate)
     };
     match (args.format, &average) {
-        (ExportFormat::C, _) => release(name, None, of_c(&exported), "")?,
+        (ExportFormat::C, _) => write(&folder, of_c(&exported), &permitted(args, &folder, replay(name, None)?)?, "")?,
         (ExportFormat::Onnx, _) => {
             let models = [("policy.onnx", onnx::export(&exported)), ("start.onnx", onnx::export_start(&exported))];
             let files = models.into_iter().chain([("run_policy.py", onnx::RUNNER.into())]);
-            release(name, None, files.map(|(path, content)| (path.to_owned(), content)).collect(), "")?;
+            let files = files.map(|(path, content)| (path.to_owned(), content)).collect();
+            write(&folder, files, &permitted(args, &folder, replay(name, None)?)?, "")?;
         }
         (ExportFormat::Rust, _) => {
             let files = rust::export(&exported).into_iter().map(|(path, content)| (path, content.into_bytes()));
-            release(name, None, files.collect(), "")?;
+            write(&folder, files.collect(), &permitted(args, &folder, replay(name, None)?)?, "")?;
         }
         (ExportFormat::Table, Some(average)) => {
             let csv = |of_spread| average.to_csv(&exported, of_spread).into_bytes();
             let gait = table::toml(average).into_bytes();
             let files = [("gait.csv", csv(false)), ("spread.csv", csv(true)), ("gait.toml", gait)];
             let files = files.map(|(path, content)| (path.to_owned(), content));
-            release(name, Some(average), files.into(), "")?;
+            write(&folder, files.into(), &permitted(args, &folder, replay(name, Some(average))?)?, "")?;
         }
         (ExportFormat::Gait, Some(average)) => {
             let nearest = fitted::fit(&exported, average, None).map_err(CliError::NoFit)?;
+            let certificate = permitted(args, &folder, replay(name, Some(&nearest.open_loop))?)?;
+            // Those of an earlier export must not lie beside this one's gait.
+            for file in FIRMWARE {
+                remove_file(&folder.join(file))?;
+            }
+            write(&folder, vec![("gait.toml".to_owned(), fitted::toml(&nearest).into_bytes())], &certificate, "")?;
             let stepping = fitted::fit(&exported, average, Some(Shape::Stepping)).ok();
             let of_firmware = stepping.and_then(|gait| Some((fitted::firmware_commands(&exported, &gait)?, gait)));
-            let file = ("gait.toml".to_owned(), fitted::toml(&nearest).into_bytes());
-            release(name, Some(&nearest.open_loop), vec![file], "")?;
             if let Some((commands, gait)) = of_firmware {
-                let file = ("firmware.txt".to_owned(), commands.into_bytes());
-                release("firmware", Some(&gait.open_loop), vec![file], "firmware-")?;
+                let certificate = replay("firmware", Some(&gait.open_loop))?;
+                if certificate.passed || args.allow_unsafe {
+                    let files = vec![("firmware.txt".to_owned(), commands.into_bytes())];
+                    write(&folder, files, &permitted(args, &folder, certificate)?, "firmware-")?;
+                } else {
+                    let broken = describe(&certificate).join("\n");
+                    complain(&format!(
+                        "firmware.txt is left out, for as commands of the firmware the gait breaks:\n{broken}"
+                    ));
+                }
             }
         }
         (ExportFormat::Table | ExportFormat::Gait, None) => unreachable!("it was averaged above"),
@@ -81,16 +99,17 @@ pub fn export(args: &ExportArgs) -> Result<ExitCode, CliError> {
 }
 
 /// Lets only what is safe pass, or what its owner wants all the same.
-fn permit(args: &ExportArgs, certificate: &Certificate) -> Result<(), CliError> {
+fn permitted(args: &ExportArgs, folder: &Path, certificate: Certificate) -> Result<Certificate, CliError> {
     if certificate.passed {
-        return Ok(());
+        return Ok(certificate);
     }
-    let broken = describe(certificate);
+    let broken = describe(&certificate);
     if !args.allow_unsafe {
-        return Err(CliError::Unsafe(broken, args.run.display().to_string()));
+        let earlier = folder.join("certificate.json").exists().then(|| folder.to_owned());
+        return Err(CliError::Unsafe { broken, run: args.run.display().to_string(), earlier });
     }
     complain(&format!("this export is not safe, and is written because of --allow-unsafe:\n{}", broken.join("\n")));
-    Ok(())
+    Ok(certificate)
 }
 
 /// Writes the files and their certificate, and shows that.
@@ -103,6 +122,15 @@ fn write(folder: &Path, mut files: Files, certificate: &Certificate, prefix: &st
     }
     say(&certificate.text());
     Ok(())
+}
+
+fn remove_file(path: &Path) -> Result<(), CliError> {
+    match std::fs::remove_file(path) {
+        Err(source) if source.kind() != io::ErrorKind::NotFound => {
+            Err(CliError::File(path.display().to_string(), source))
+        }
+        _ => Ok(()),
+    }
 }
 
 fn format_name(format: ExportFormat) -> &'static str {
@@ -130,16 +158,27 @@ fn describe(certificate: &Certificate) -> Vec<String> {
     certificate.broken().map(line).collect()
 }
 
-/// Adds what was measured to the run's `export.json`, which the report shows beside the policy.
-fn record(run: &Path, certificate: &Certificate) -> Result<(), CliError> {
-    let path = run.join("export.json");
-    let known = std::fs::read_to_string(&path).ok().and_then(|text| serde_json::from_str::<Value>(&text).ok());
-    let mut known = known.filter(Value::is_object).unwrap_or_else(|| json!({}));
-    known[certificate.format] = json!({
+/// The run's `export.json`: what was measured of its exports, which the report shows beside the policy.
+fn measured_path(run: &Path) -> PathBuf {
+    run.join("export.json")
+}
+
+/// What was measured of earlier exports.
+fn read_measured(run: &Path) -> Result<Value, CliError> {
+    let path = measured_path(run);
+    let text = match std::fs::read_to_string(&path) {
+        Err(source) if source.kind() == io::ErrorKind::NotFound => return Ok(json!({})),
+        text => text.map_err(|source| CliError::File(path.display().to_string(), source))?,
+    };
+    let measured = serde_json::from_str(&text).ok().filter(Value::is_object);
+    measured.ok_or_else(|| CliError::BrokenMeasurements(path.display().to_string()))
+}
+
+fn entry(certificate: &Certificate) -> Value {
+    json!({
         "passed": certificate.passed,
         "is_open_loop": certificate.is_open_loop,
         "policy": certificate.policy,
         "exported": certificate.exported,
-    });
-    Ok(write_file(&path, format!("{known:#}\n").as_bytes())?)
+    })
 }

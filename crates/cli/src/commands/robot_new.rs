@@ -6,7 +6,7 @@ use std::process::ExitCode;
 
 use canter_sim::Robot;
 use canter_sim::mujoco::convert::urdf_to_mjcf;
-use canter_sim::robot::draft::{Draft, Names, Note, draft, header, urdf};
+use canter_sim::robot::draft::{Draft, Names, Note, draft, header, robot_name, urdf};
 use canter_sim::robot::{GaitSettings, SteppingSettings, load_model};
 use canter_sim::settings::write_commented;
 use canter_train::config::resolve;
@@ -21,7 +21,7 @@ use crate::output::{program, say};
 pub fn robot_new(args: &RobotNewArgs) -> Result<ExitCode, CliError> {
     let (_, files) = load_model(&args.from)?;
     let stem = args.from.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-    let name = args.name.clone().unwrap_or_else(|| stem.clone());
+    let name = args.name.clone().unwrap_or_else(|| robot_name(&stem));
     let scene = format!("{stem}_scene.xml");
     let is_urdf = args.from.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("urdf"));
     let file_name = if is_urdf {

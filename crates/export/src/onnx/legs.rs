@@ -1,7 +1,9 @@
 //! The legs' part of the graph: action law, prior, limits, kinematics. Each function is `gait`'s of the same name.
 
 use canter_gait::action::MAX_AMPLITUDE_RAD;
-use canter_gait::{Actuators, FiveBar, JointConvention, Leg, LegGait, LegGeometry, Modulation, Range, SerialLeg, Waveform};
+use canter_gait::{
+    Actuators, FiveBar, JointConvention, Leg, LegGait, LegGeometry, Modulation, Range, SerialLeg, Waveform,
+};
 
 use super::graph::{Builder, Value};
 use super::is_direct;

@@ -304,5 +304,8 @@ pub fn compare_walk(exported: &Exported<'_>, program: Command) {
     }
     assert!(Mode::ALL.iter().all(|mode| modes.contains(mode)), "{modes:?}");
     assert!(modes[330..332].iter().all(|mode| *mode == Mode::Holding));
-    assert!(modes[340..400].contains(&Mode::Rising) && matches!(modes[399], Mode::RampingIn | Mode::Walking), "{modes:?}");
+    assert!(
+        modes[340..400].contains(&Mode::Rising) && matches!(modes[399], Mode::RampingIn | Mode::Walking),
+        "{modes:?}"
+    );
 }

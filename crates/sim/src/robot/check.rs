@@ -130,6 +130,10 @@ pub(super) fn assemble(
             problems.at(&format!("legs[{i}].name"), "another leg has this name");
         }
     }
+    if !is_file_stem(&settings.name) {
+        let message = "files are named after robots: use letters, digits, `-` and `_` only";
+        problems.at("name", message);
+    }
     if settings.gaits.is_empty() {
         problems.at("gaits", "expected one gait at least");
     }
@@ -174,8 +178,12 @@ pub(super) fn assemble(
 
 /// Whether files may be named so, on any system.
 fn is_file_stem(name: &str) -> bool {
-    let is_plain = |character: char| character.is_ascii_alphanumeric() || "-_".contains(character);
     !name.is_empty() && name.chars().all(is_plain)
+}
+
+/// Whether a character may stand in the name of a robot or a gait.
+pub(super) fn is_plain(character: char) -> bool {
+    character.is_ascii_alphanumeric() || "-_".contains(character)
 }
 
 /// Most bodies, geoms and so on of a model: a hundred times what a legged robot has.

@@ -12,6 +12,7 @@ use std::fmt::Write;
 
 use canter_gait::{JointConvention, LegGeometry, LegPosition};
 
+use super::check::is_plain;
 use super::settings::{
     Actuated, FiveBarSettings, HeldSettings, KneeSide, LegSettings, LimitSettings, MotorSettings, RobotSettings,
     SerialSettings,
@@ -137,12 +138,24 @@ fn rounded(value: f64) -> f64 {
     (value * 1e4).round() / 1e4
 }
 
+/// A name as it may stand in an attribute of XML.
+fn escaped(name: &str) -> String {
+    name.replace('&', "&amp;").replace('<', "&lt;").replace('"', "&quot;")
+}
+
+/// The name of a robot whose model is called so: what no name may have becomes `_`.
+pub fn robot_name(model: &str) -> String {
+    let name: String = model.chars().map(|letter| if is_plain(letter) { letter } else { '_' }).collect();
+    if name.is_empty() { "robot".to_owned() } else { name }
+}
+
 /// The scene that includes the model.
 fn scene(names: Names<'_>, needs_floor: bool, standing: Option<&[f64]>) -> String {
     let mut text = format!(
-        "<!-- What {} lacks for canter. Written by `canter robot new`; yours to change. -->\n<mujoco model=\"{}\">\n  \
+        "<!-- What the model lacks for canter. Written by `canter robot new`; yours to change. -->\n<mujoco model=\"{}\">\n  \
          <include file=\"{}\"/>\n",
-        names.model, names.robot, names.model
+        escaped(names.robot),
+        escaped(names.model)
     );
     if needs_floor {
         text.push_str("  <worldbody>\n");

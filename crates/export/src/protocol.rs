@@ -47,7 +47,7 @@ impl<R: Read> Listener<R> {
     ///
     /// # Errors
     /// The system's.
-    pub fn next(&mut self) -> io::Result<Option<Heard>> {
+    pub fn hear(&mut self) -> io::Result<Option<Heard>> {
         self.line.clear();
         let num_bytes = self.input.by_ref().take(MAX_LINE_BYTES as u64).read_until(b'\n', &mut self.line)?;
         if self.line.ends_with(b"\n") {
@@ -167,12 +167,12 @@ mod tests {
         said += &format!("#{}\nstop", "x".repeat(MAX_LINE_BYTES - 1));
         let mut listener = Listener::new(said.as_bytes(), 2);
         let too_long = || Some(Err("a line has at most 4096 bytes".to_owned()));
-        assert_eq!(listener.next().unwrap(), too_long());
-        assert_eq!(listener.next().unwrap(), Some(Ok(Some(Said::Walk))));
-        assert_eq!(listener.next().unwrap(), Some(Ok(None)));
-        assert_eq!(listener.next().unwrap(), too_long());
-        assert_eq!(listener.next().unwrap(), None);
+        assert_eq!(listener.hear().unwrap(), too_long());
+        assert_eq!(listener.hear().unwrap(), Some(Ok(Some(Said::Walk))));
+        assert_eq!(listener.hear().unwrap(), Some(Ok(None)));
+        assert_eq!(listener.hear().unwrap(), too_long());
+        assert_eq!(listener.hear().unwrap(), None);
         let mut listener = Listener::new(&b"stop \xff\n"[..], 2);
-        assert_eq!(listener.next().unwrap(), Some(Err("a line is text".to_owned())));
+        assert_eq!(listener.hear().unwrap(), Some(Err("a line is text".to_owned())));
     }
 }

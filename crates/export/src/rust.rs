@@ -147,7 +147,8 @@ fn data(exported: &Exported<'_>) -> String {
     let _ = writeln!(
         text,
         "pub struct TestVector {{\n    pub readings: ([f32; 2 * NUM_LEGS], [f32; 2 * NUM_LEGS], [f32; 3], [f32; 3]),\n    \
-         pub phase: f32,\n    pub previous_action: [f32; NUM_ACTIONS],\n    pub targets: [f32; 2 * NUM_LEGS],\n}}\n\
+         pub phase: f32,\n    pub previous_action: [f32; NUM_ACTIONS],\n    pub targets: [f32; 2 * NUM_LEGS],\n    \
+         pub next_phase: f32,\n}}\n\
          pub static TEST_VECTORS: [TestVector; {}] = [\n{vectors}];",
         exported.test_vectors().len()
     );
@@ -226,13 +227,14 @@ fn test_vector(vector: &TestVector) -> String {
     let readings = &vector.readings;
     format!(
         "    TestVector {{\n        readings: ([{}], [{}], [{}], [{}]),\n        phase: {},\n        \
-         previous_action: [{}],\n        targets: [{}],\n    }},\n",
+         previous_action: [{}],\n        targets: [{}],\n        next_phase: {},\n    }},\n",
         list(&readings.motor_angles, ""),
         list(&readings.motor_velocities, ""),
         list(&readings.orientation, ""),
         list(&readings.angular_velocity_in_body, ""),
         number(vector.phase, ""),
         list(&vector.previous_action, ""),
-        list(&vector.targets, "")
+        list(&vector.targets, ""),
+        number(vector.next_phase, "")
     )
 }

@@ -506,7 +506,7 @@ static int all_finite(const float *values, int count)
     return 1;
 }
 
-/* Whether readings are fresh and made of numbers. Leaves the observation in the state, which a step overwrites. */
+/* Whether readings are fresh and made of numbers; leaves the observation in the state. */
 static int is_usable(canter_state *state, const canter_sensors *sensors)
 {
     if (sensors == NULL || !(sensors->age_s >= 0.0f && sensors->age_s <= CANTER_SENSOR_TIMEOUT_S)) {
@@ -548,10 +548,10 @@ void canter_walk(canter_state *state, int is_to_walk)
     state->is_to_walk = is_to_walk;
 }
 
-void canter_control(canter_state *state, const canter_sensors *sensors, float dt_s, float targets[CANTER_NUM_MOTORS])
+/* The control law from the observation in the state on. */
+static void control(canter_state *state, float dt_s, float targets[CANTER_NUM_MOTORS])
 {
     int i;
-    observe(sensors, state->phase, state->action, state->observation);
     act(state->observation, state->hidden, state->action);
     for (i = 0; i < CANTER_NUM_LEGS; i++) {
         float position[2];
@@ -568,16 +568,20 @@ void canter_control(canter_state *state, const canter_sensors *sensors, float dt
     state->phase = wrap_cycles(state->phase + stride_frequency_hz(state->action) * dt_s);
 }
 
-/* A step with good readings. */
-static canter_mode advance(canter_state *state, const canter_sensors *sensors, float dt_s,
-                           float targets[CANTER_NUM_MOTORS])
+void canter_control(canter_state *state, const canter_sensors *sensors, float dt_s, float targets[CANTER_NUM_MOTORS])
+{
+    observe(sensors, state->phase, state->action, state->observation);
+    control(state, dt_s, targets);
+}
+
+/* A step with good readings, of which the observation is in the state. */
+static canter_mode advance(canter_state *state, float dt_s, float targets[CANTER_NUM_MOTORS])
 {
     float ramp = dt_s / CANTER_RAMP_S;
     int i;
     stand(targets);
     if (state->share == 0.0f) {
         int stands = 1;
-        rewind_gait(state);
         for (i = 0; i < CANTER_NUM_MOTORS; i++) {
             float way = targets[i] - state->last[i];
             if (fabsf(way) > ramp) {
@@ -594,7 +598,7 @@ static canter_mode advance(canter_state *state, const canter_sensors *sensors, f
         return CANTER_STANDING;
     }
     copy(targets, state->last);
-    canter_control(state, sensors, dt_s, targets);
+    control(state, dt_s, targets);
     if (state->share < 1.0f) {
         for (i = 0; i < CANTER_NUM_MOTORS; i++) {
             targets[i] = state->last[i] + state->share * (targets[i] - state->last[i]);
@@ -608,6 +612,9 @@ canter_mode canter_step(canter_state *state, const canter_sensors *sensors, floa
                         float targets[CANTER_NUM_MOTORS])
 {
     canter_mode mode;
+    if (state->share == 0.0f) {
+        rewind_gait(state);
+    }
     if (!is_usable(state, sensors)) {
         if (!state->has_begun) {
             return CANTER_WAITING;
@@ -622,7 +629,7 @@ canter_mode canter_step(canter_state *state, const canter_sensors *sensors, floa
     }
     /* What is no time is no step; and a late one is no leap of the gait. */
     dt_s = dt_s > 0.0f ? clamp(dt_s, 0.0f, CANTER_SENSOR_TIMEOUT_S) : 0.0f;
-    mode = advance(state, sensors, dt_s, targets);
+    mode = advance(state, dt_s, targets);
     copy(targets, state->last);
     return mode;
 }

@@ -42,6 +42,10 @@ fn compile_rust(exported: &Exported<'_>, folder: &Path) -> PathBuf {
     fs::write(folder.join("src/bin/repeat.rs"), include_str!("common/repeat.rs.in")).unwrap();
     // The very versions that the workspace was built with; nothing has to be fetched.
     fs::copy(repository().join("Cargo.lock"), folder.join("Cargo.lock")).unwrap();
+    build_rust(folder)
+}
+
+fn build_rust(folder: &Path) -> PathBuf {
     succeed(
         Command::new(env!("CARGO"))
             .current_dir(folder)
@@ -60,6 +64,26 @@ fn rust_without_std_repeats_what_was_trained() {
         let vectors = record(&exported, 400);
         let program = compile_rust(&exported, folder.path());
         compare(&format!("rust, {own:?}"), &vectors, &pipe(Command::new(program), &inputs(&vectors)));
+    }
+}
+
+#[test]
+fn a_damaged_rust_export_fails_its_self_test() {
+    let (resolved, file) = case(CASES[0], 512);
+    let exported = Exported::new(&resolved.task, &file).unwrap();
+    let folder = TemporaryFolder::new();
+    compile_rust(&exported, folder.path());
+    let path = folder.join("src/data.rs");
+    let source = fs::read_to_string(&path).unwrap();
+    let expected = exported.test_vectors()[0].next_phase;
+    for (from, to) in [
+        (format!("next_phase: {expected:?},"), "next_phase: 0.9,".to_owned()),
+        ("        targets: [".to_owned(), "        targets: [f32::NAN + ".to_owned()),
+    ] {
+        assert!(source.contains(&from), "{from}");
+        fs::write(&path, source.replacen(&from, &to, 1)).unwrap();
+        let output = Command::new(build_rust(folder.path())).output().unwrap();
+        assert!(!output.status.success(), "{to}");
     }
 }
 

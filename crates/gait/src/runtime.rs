@@ -126,6 +126,10 @@ impl<'a> Runtime<'a> {
     ///
     /// Source: ours.
     pub fn step(&mut self, reading: &Reading<'_>, dt_s: f32, memory: &mut Memory<'_>, targets: &mut [f32]) -> Mode {
+        if self.share == 0.0 {
+            self.clock = PhaseClock::default();
+            memory.workspace.action.fill(0.0);
+        }
         if !self.is_usable(reading, memory) {
             if !self.has_begun {
                 return Mode::Waiting;
@@ -140,12 +144,12 @@ impl<'a> Runtime<'a> {
         }
         // What is no time is no step. `f32::clamp` is not for what may be no number.
         let dt_s = if dt_s > 0.0 { dt_s.min(self.settings.sensor_timeout_s) } else { 0.0 };
-        let mode = self.advance(&reading.sensors, dt_s, memory, targets);
+        let mode = self.advance(dt_s, memory, targets);
         copy(targets, memory.last);
         mode
     }
 
-    /// Whether a reading is fresh and made of numbers. It leaves the observation in memory, which a step overwrites.
+    /// Whether a reading is fresh and made of numbers; leaves the observation in memory.
     fn is_usable(&self, reading: &Reading<'_>, memory: &mut Memory<'_>) -> bool {
         let Workspace { observation, action, .. } = &mut memory.workspace;
         self.controller.observe(&reading.sensors, &self.clock, action, observation);
@@ -153,13 +157,11 @@ impl<'a> Runtime<'a> {
         (0.0..=self.settings.sensor_timeout_s).contains(&reading.age_s) && values.all(|value| value.is_finite())
     }
 
-    /// A step with a good reading.
-    fn advance(&mut self, sensors: &Sensors<'_>, dt_s: f32, memory: &mut Memory<'_>, targets: &mut [f32]) -> Mode {
+    /// A step with a good reading, of which the observation is in memory.
+    fn advance(&mut self, dt_s: f32, memory: &mut Memory<'_>, targets: &mut [f32]) -> Mode {
         let ramp = dt_s / self.settings.ramp_s;
         self.controller.stand(targets);
         if self.share == 0.0 {
-            self.clock = PhaseClock::default();
-            memory.workspace.action.fill(0.0);
             let mut stands = true;
             for (target, last) in targets.iter_mut().zip(&*memory.last) {
                 let way = *target - *last;
@@ -177,7 +179,9 @@ impl<'a> Runtime<'a> {
             return Mode::Standing;
         }
         copy(targets, memory.last);
-        self.controller.step(&self.policy, sensors, &mut self.clock, dt_s, &mut memory.workspace, targets);
+        let Workspace { observation, hidden, action } = &mut memory.workspace;
+        self.policy.act(observation, hidden, action);
+        self.controller.act(action, &mut self.clock, dt_s, targets);
         if self.share < 1.0 {
             for (target, standing) in targets.iter_mut().zip(&*memory.last) {
                 *target = *standing + self.share * (*target - *standing);

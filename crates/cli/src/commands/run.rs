@@ -97,7 +97,7 @@ impl Inbox {
 /// Listens until the other side ends. Readings are looked at when they come, so that none waits and grows old in a queue.
 fn listen(mut listener: Listener<impl Read>, inbox: &Mutex<Inbox>) {
     loop {
-        let heard = listener.next();
+        let heard = listener.hear();
         let mut inbox = inbox.lock().unwrap_or_else(PoisonError::into_inner);
         match heard {
             Ok(Some(Ok(Some(Said::Sensors(readings))))) => inbox.newest = Some((Instant::now(), readings)),

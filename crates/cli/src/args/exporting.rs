@@ -51,8 +51,9 @@ Examples:
   canter run runs/doggo-1-1                        over standard input and output
   canter run runs/doggo-1-1 --port /dev/ttyACM0    over a serial port
 
-The robot stands until it hears `walk`, and comes to a stand on `stop`, `quit`, Ctrl-C or when the other
-side ends. Without fresh readings it holds its pose. docs/line-protocol.md describes every line.")]
+With its first readings the robot rises from where it is to its standing pose. It walks on `walk`, and comes to
+a stand on `stop`, `quit`, Ctrl-C or when the input ends. Without fresh readings it holds its pose.
+docs/line-protocol.md describes every line.")]
 pub struct RunArgs {
     /// The run directory of a trained policy
     pub run: PathBuf,

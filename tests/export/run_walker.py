@@ -3,7 +3,7 @@
 usage: run_walker.py FOLDER < inputs > outputs
 
 FOLDER holds policy.onnx, start.onnx and run_policy.py. A record of the input holds all readings (motor angles, motor velocities,
-orientation, angular velocity), their age and whether to walk; one of the output holds the targets and the mode's number;
+orientation, angular velocity), their age, whether to walk and the step's time, which is the policy's own; one of the output holds the targets and the mode's number;
 all are little-endian 32-bit floats.
 """
 
@@ -18,7 +18,7 @@ MODES = ["waiting", "rising", "standing", "ramping-in", "walking", "ramping-out"
 
 walker = Walker(f"{sys.argv[1]}/policy.onnx")
 m = len(walker.actuators)
-records = np.frombuffer(sys.stdin.buffer.read(), "<f4").reshape(-1, 2 * m + 8)
+records = np.frombuffer(sys.stdin.buffer.read(), "<f4").reshape(-1, 2 * m + 9)
 for record in records:
     readings = {
         "motor_angles": record[:m],

@@ -64,7 +64,7 @@ pub enum CliError {
         if .broken.len() == 1 { "a limit".to_owned() } else { format!("{} limits", .broken.len()) },
         .broken.join("\n"),
         .earlier.as_ref().map_or(String::new(), |folder| format!(
-            "\nWhat lies in {} is an earlier export, and not this policy", folder.display()
+            "; what lies in {} is an earlier export", folder.display()
         ))
     )]
     Unsafe { broken: Vec<String>, run: String, earlier: Option<PathBuf> },

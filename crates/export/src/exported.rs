@@ -239,8 +239,13 @@ impl<'a> Running<'a> {
 
     /// One control step; the targets are [`targets`](Self::targets).
     pub fn step(&mut self, sensors: Sensors<'_>, age_s: f32) -> canter_gait::Mode {
+        self.step_for(sensors, age_s, self.control_dt_s)
+    }
+
+    /// A step of another length [s].
+    pub fn step_for(&mut self, sensors: Sensors<'_>, age_s: f32, dt_s: f32) -> canter_gait::Mode {
         let reading = canter_gait::Reading { sensors, age_s };
-        self.runtime.step(&reading, self.control_dt_s, &mut self.buffers.memory(), &mut self.targets)
+        self.runtime.step(&reading, dt_s, &mut self.buffers.memory(), &mut self.targets)
     }
 
     /// The actuator targets, `(M)` [rad]; none, all 0, while it waits.

@@ -52,7 +52,7 @@ pub fn toml(fitted: &Fitted) -> String {
 /// firmware would refuse.
 ///
 /// `S` stops: what is set then is for the next gait, which the letter of a footfall begins. That also sets gains, so ours come
-/// after it. Source: Doggo's firmware, its interpreter of commands and its transitions between states.
+/// after it: so the firmware's interpreter of commands and its transitions between states have it.
 pub fn firmware_commands(exported: &Exported<'_>, fitted: &Fitted) -> Option<String> {
     let rules = FirmwareRules::of(&exported.file().card.robot.name)?;
     let GaitSettings::Stepping(gait) = &fitted.fit.settings else { return None };

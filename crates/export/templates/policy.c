@@ -1,11 +1,12 @@
 /* @TITLE@ See canter_policy.h. */
 #include "canter_policy.h"
 
+#include <float.h>
 #include <math.h>
 #include <stddef.h>
 
-#ifdef __FAST_MATH__
-#error "readings that are no numbers have to be seen: build this without -ffast-math"
+#if defined(__FAST_MATH__) || (defined(__FINITE_MATH_ONLY__) && __FINITE_MATH_ONLY__)
+#error "readings that are no numbers have to be seen: build this without -ffast-math and -ffinite-math-only"
 #endif
 
 #define TAU 6.2831853071795864769f
@@ -495,11 +496,12 @@ static void stay(const float angles[CANTER_NUM_MOTORS], float targets[CANTER_NUM
     }
 }
 
-static int all_finite(const float *values, int count)
+/* Whether all values are numbers, and none is larger than most. */
+static int all_within(const float *values, int count, float most)
 {
     int i;
     for (i = 0; i < count; i++) {
-        if (!(fabsf(values[i]) < INFINITY)) {
+        if (!(fabsf(values[i]) <= most)) {
             return 0;
         }
     }
@@ -513,8 +515,9 @@ static int is_usable(canter_state *state, const canter_sensors *sensors)
         return 0;
     }
     observe(sensors, state->phase, state->action, state->observation);
-    return all_finite(sensors->motor_angles, CANTER_NUM_MOTORS)
-        && all_finite(state->observation, CANTER_NUM_OBSERVATIONS);
+    /* A whole turn away from standing is no pose of a leg. */
+    return all_within(sensors->motor_angles, CANTER_NUM_MOTORS, TAU)
+        && all_within(state->observation, CANTER_NUM_OBSERVATIONS, FLT_MAX);
 }
 
 /* Every walk begins with phase and action at 0. */
@@ -662,15 +665,14 @@ float canter_self_test(void)
             state.action[i] = vector->action[i];
         }
         canter_control(&state, &vector->sensors, CANTER_CONTROL_DT_S, targets);
-        for (i = 0; i < CANTER_NUM_MOTORS; i++) {
-            error = fabsf(targets[i] - vector->targets[i]);
+        for (i = 0; i <= CANTER_NUM_MOTORS; i++) {
+            error = i < CANTER_NUM_MOTORS ? targets[i] - vector->targets[i] : state.phase - vector->next_phase;
+            error = fabsf(error);
             if (!(error < INFINITY)) {
                 return INFINITY;
             }
             largest = error > largest ? error : largest;
         }
-        error = fabsf(state.phase - vector->next_phase);
-        largest = error > largest ? error : largest;
     }
     return largest;
 }

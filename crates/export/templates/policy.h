@@ -34,8 +34,8 @@ extern "C" {
 #define CANTER_CONTROL_DT_S @CONTROL_DT@
 /* From standing to the whole gait, and back. */
 #define CANTER_RAMP_S @RAMP@
-/* Readings that are older are stale: the robot holds its pose. So are those in which a motor angle, or what the policy
- * uses, is not finite. */
+/* Readings that are older are stale: the robot holds its pose. So are those in which a motor angle is beyond a whole turn, or
+ * anything that the policy uses is not finite. */
 #define CANTER_SENSOR_TIMEOUT_S @TIMEOUT@
 /* Targets and motors, two a leg, in this order: @ACTUATORS@ */
 

@@ -10,7 +10,8 @@ Needs numpy and onnxruntime. The graph is one control step; this is what has to 
     walker.walk(True)                   # once walker.mode is "standing"
 
 `readings` maps "motor_angles" and the names of the blocks in walker.layout to sequences of numbers; `age_s` is the time
-since they were measured, None if there are none. Numbers that are not finite count as no readings.
+since they were measured, None if there are none. Numbers that are not finite, and motor angles beyond a whole turn,
+count as no readings.
 """
 
 import json
@@ -18,6 +19,10 @@ from pathlib import Path
 
 import numpy as np
 import onnxruntime
+
+
+# A whole turn away from standing is no pose of a leg.
+MAX_MOTOR_ANGLE = np.float32(2 * np.pi)
 
 
 def load(path):
@@ -52,20 +57,23 @@ class Walker:
         if observation is None:
             self.share = np.float32(0)
             self.mode = "waiting" if self.targets is None else "holding"
-            return self.targets
+            return None if self.targets is None else self.targets.copy()
         if self.targets is None:
-            angles = np.array(readings["motor_angles"], np.float32)[None]
+            angles = np.ravel(readings["motor_angles"]).astype(np.float32)[None]
             self.targets = self.start.run(None, {"motor_angles": angles})[0][0]
         self.targets = self._advance(observation)
-        return self.targets
+        return self.targets.copy()
 
     def _observe(self, readings, age_s):
         """What the policy sees; None if it is not fresh or no numbers."""
         if age_s is None or not 0.0 <= age_s <= self.sensor_timeout_s:
             return None
-        observation = [np.ravel(readings[part["block"]]) for part in self.layout]
-        seen = np.concatenate([*observation, readings["motor_angles"]])
-        return np.concatenate([*observation, []]).astype(np.float32)[None] if np.all(np.isfinite(seen)) else None
+        observation = np.concatenate([np.ravel(readings[part["block"]]) for part in self.layout] or [[]])
+        observation = observation.astype(np.float32)
+        angles = np.ravel(readings["motor_angles"]).astype(np.float32)
+        if not np.all(np.isfinite(observation)) or not np.all(np.abs(angles) <= MAX_MOTOR_ANGLE):
+            return None
+        return observation[None]
 
     def _advance(self, observation):
         if self.share == 0.0:

@@ -45,7 +45,9 @@ fn c_rises_ramps_holds_and_stops_as_the_runtime_does() {
         compile_c(&exported, folder.path(), "cc", &["-O1"]);
         fs::write(folder.join("walk.c"), include_str!("common/walk.c")).unwrap();
         succeed(Command::new("cc").current_dir(folder.path()).args(["canter_policy.c", "walk.c", "-o", "walk", "-lm"]));
-        compare_walk(&exported, Command::new(folder.join("walk")));
+        for is_late in [false, true] {
+            compare_walk(&exported, Command::new(folder.join("walk")), is_late);
+        }
     }
 }
 
@@ -55,10 +57,12 @@ fn c_that_could_not_see_a_missing_number_does_not_compile() {
     let exported = Exported::new(&resolved.task, &file).unwrap();
     let folder = TemporaryFolder::new();
     compile_c(&exported, folder.path(), "cc", &["-O1"]);
-    let mut fast = Command::new("cc");
-    fast.current_dir(folder.path()).args(["-ffast-math", "-c", "canter_policy.c"]);
-    let refused = fast.output().unwrap();
-    assert!(!refused.status.success() && String::from_utf8_lossy(&refused.stderr).contains("-ffast-math"));
+    for flag in ["-ffast-math", "-ffinite-math-only"] {
+        let mut fast = Command::new("cc");
+        fast.current_dir(folder.path()).args([flag, "-c", "canter_policy.c"]);
+        let refused = fast.output().unwrap();
+        assert!(!refused.status.success() && String::from_utf8_lossy(&refused.stderr).contains(flag), "{flag}");
+    }
 }
 
 #[test]

@@ -39,6 +39,6 @@ fn the_python_runner_ramps_holds_and_stops_as_the_runtime_does() {
         fs::write(folder.join("run_policy.py"), canter_export::onnx::RUNNER).unwrap();
         let mut run = Command::new(&python);
         run.arg(Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/export/run_walker.py")).arg(folder.path());
-        compare_walk(&exported, run);
+        compare_walk(&exported, run, false);
     }
 }

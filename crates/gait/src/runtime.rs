@@ -21,6 +21,9 @@ impl RuntimeSettings {
     }
 }
 
+/// A whole turn away from standing is no pose of a leg [rad].
+const MAX_MOTOR_ANGLE_RAD: f32 = core::f32::consts::TAU;
+
 /// What the robot is doing.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Mode {
@@ -63,7 +66,8 @@ impl Mode {
 /// The readings of one control step and how old they are.
 #[derive(Clone, Copy, Debug)]
 pub struct Reading<'a> {
-    /// What the sensors said. Motor angles, and what the policy observes, must be finite; else the reading is stale.
+    /// What the sensors said. It is stale too where a motor angle is beyond a whole turn, or what the policy observes is not
+    /// finite.
     pub sensors: Sensors<'a>,
     /// Time since then [s]; what is no number is stale.
     pub age_s: f32,
@@ -153,8 +157,9 @@ impl<'a> Runtime<'a> {
     fn is_usable(&self, reading: &Reading<'_>, memory: &mut Memory<'_>) -> bool {
         let Workspace { observation, action, .. } = &mut memory.workspace;
         self.controller.observe(&reading.sensors, &self.clock, action, observation);
-        let mut values = reading.sensors.motor_angles.iter().chain(&**observation);
-        (0.0..=self.settings.sensor_timeout_s).contains(&reading.age_s) && values.all(|value| value.is_finite())
+        (0.0..=self.settings.sensor_timeout_s).contains(&reading.age_s)
+            && observation.iter().all(|value| value.is_finite())
+            && reading.sensors.motor_angles.iter().all(|angle| angle.abs() <= MAX_MOTOR_ANGLE_RAD)
     }
 
     /// A step with a good reading, of which the observation is in memory.
@@ -374,7 +379,7 @@ mod tests {
                 assert_eq!(walk(In { age_s, ..STAND }), (Mode::Holding, held));
             }
             // A fresh reading that is none is as stale.
-            for angle in [f32::NAN, f32::INFINITY] {
+            for angle in [f32::NAN, f32::INFINITY, 6.3, -1e9] {
                 assert_eq!(walk(In { angles: [0.1, angle], ..WALK }), (Mode::Holding, held));
             }
             assert_eq!(walk(WALK).0, Mode::Rising);
@@ -395,7 +400,8 @@ mod tests {
         run(|step| {
             // Five steps' worth: 0.05 s at 6.3 rad/s, and a tenth of the ramp.
             let mut walk = smooth(step, 0.45);
-            for dt_s in [DT_S, 30.0, f32::INFINITY, f32::NAN, -1.0, DT_S].repeat(20) {
+            // 0.2 s are 0.4 cycles.
+            for dt_s in [DT_S, 30.2, f32::INFINITY, f32::NAN, -1.0, DT_S].repeat(20) {
                 walk(In { dt_s, ..WALK });
             }
         });

@@ -52,7 +52,7 @@ Examples:
   canter run runs/doggo-1-1 --port /dev/ttyACM0    over a serial port
 
 With its first readings the robot rises from where it is to its standing pose. It walks on `walk`, and comes to
-a stand on `stop`, `quit`, Ctrl-C or when the input ends. Without fresh readings it holds its pose.
+a stand on `stop`, `quit` or Ctrl-C. Without fresh readings, also once the input has ended, it holds its pose.
 docs/line-protocol.md describes every line.")]
 pub struct RunArgs {
     /// The run directory of a trained policy

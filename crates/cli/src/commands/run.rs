@@ -49,12 +49,12 @@ pub fn run(args: &RunArgs) -> Result<ExitCode, CliError> {
     let path = args.port.as_deref().unwrap_or(Path::new("standard input and output"));
     match end {
         Ok(()) => Ok(ExitCode::SUCCESS),
-        // Nobody listens any more.
-        Err(Failure::Io(error)) if error.kind() == io::ErrorKind::BrokenPipe => match session.stands() {
-            true => Ok(ExitCode::SUCCESS),
-            false => Err(CliError::LeftMoving { why: "the other side stopped listening", path: path.to_owned() }),
-        },
-        Err(Failure::Io(error)) => Err(unreachable(path, error)),
+        // Whoever piped the lines somewhere has read enough.
+        Err(Failure::Io(error)) if error.kind() == io::ErrorKind::BrokenPipe && session.stands() => {
+            Ok(ExitCode::SUCCESS)
+        }
+        Err(Failure::Io(error)) if session.stands() => Err(unreachable(path, error)),
+        Err(Failure::Io(_)) => Err(CliError::LeftMoving { why: "the connection was lost", path: path.to_owned() }),
         Err(Failure::LeftMoving(why)) => Err(CliError::LeftMoving { why, path: path.to_owned() }),
     }
 }
@@ -70,7 +70,8 @@ fn open_port(path: &Path, baud: u32) -> io::Result<File> {
     let mut settings = termios::tcgetattr(&file)?;
     settings.make_raw();
     settings.set_speed(baud)?;
-    termios::tcsetattr(&file, termios::OptionalActions::Now, &settings)?;
+    // What came before now is not how the robot is.
+    termios::tcsetattr(&file, termios::OptionalActions::Flush, &settings)?;
     Ok(file)
 }
 
@@ -183,12 +184,10 @@ impl<'a> Session<'a> {
             if self.is_ending && self.is_over(mode)? {
                 return self.end.take().unwrap_or(Ok(())).map_err(Failure::Io);
             }
-            next += period;
-            match next.checked_duration_since(Instant::now()) {
-                Some(rest) => thread::sleep(rest),
-                // Too late: the steps that were missed are not made up for in a rush.
-                None => next = Instant::now(),
-            }
+            // What is late is not made up for by a hasty step.
+            let now = Instant::now();
+            next = if now < next + period { next + period } else { now + period };
+            thread::sleep(next.saturating_duration_since(now));
         }
     }
 

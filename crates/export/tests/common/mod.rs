@@ -46,8 +46,15 @@ pub const CASES: [Case; 12] = [
     ("quad12", "trot", "residual", &[]),
 ];
 
-/// Those with which runtimes are compared: leg space and joints, coaxial hips, separated hips, serial legs.
-pub const WALKS: [Case; 4] = [CASES[0], CASES[5], CASES[7], CASES[9]];
+/// Those with which runtimes are compared: leg space and joints, coaxial hips, separated hips, serial legs, and a policy that
+/// looks at its motor angles only.
+pub const WALKS: [Case; 5] = [
+    CASES[0],
+    CASES[5],
+    CASES[7],
+    CASES[9],
+    ("doggo", "sine", "amplitude", &[("policy.observation", "[\"motor_angles\"]"), ("policy.symmetric", "false")]),
+];
 
 /// A preset for a robot with its gait and a modulation, in few small environments.
 pub fn resolved(preset: &str, changes: &[(&str, &str)]) -> Resolved {
@@ -245,12 +252,14 @@ pub fn compile_c(exported: &Exported<'_>, folder: &Path, compiler: &str, flags: 
 struct Scripted {
     walk: bool,
     age_s: f32,
+    dt_s: f32,
     readings: Readings,
 }
 
 /// Holds another runtime against ours: it waits, rises, stands, walks, loses its sensors in every way, walks on and stops.
-/// The program reads records of readings, their age and whether to walk, and writes targets and the mode's number.
-pub fn compare_walk(exported: &Exported<'_>, program: Command) {
+/// The program reads records of readings, their age, whether to walk and the step's time, and writes targets and the mode's
+/// number. Times are the control law's own unless `is_late`.
+pub fn compare_walk(exported: &Exported<'_>, program: Command, is_late: bool) {
     let vectors = exported.test_vectors();
     let script: Vec<Scripted> = (0..600)
         .map(|step| {
@@ -275,16 +284,25 @@ pub fn compare_walk(exported: &Exported<'_>, program: Command) {
                 331 => readings.motor_angles[1] = f32::NEG_INFINITY,
                 332 if is_observed(ObservationBlock::Orientation) => readings.orientation[2] = f32::NAN,
                 333 if is_observed(ObservationBlock::MotorVelocities) => readings.motor_velocities[1] = f32::NAN,
-                334.. if !is_observed(ObservationBlock::Orientation) => readings.orientation[0] = f32::NAN,
-                334.. if !is_observed(ObservationBlock::MotorVelocities) => readings.motor_velocities[0] = f32::NAN,
+                334 => readings.motor_angles[0] = 7.0,
+                335.. if !is_observed(ObservationBlock::Orientation) => readings.orientation[0] = f32::NAN,
+                335.. if !is_observed(ObservationBlock::MotorVelocities) => readings.motor_velocities[0] = f32::NAN,
                 _ => {}
             }
-            Scripted { walk, age_s, readings }
+            let dt_s = match step {
+                _ if !is_late => exported.control_dt_s(),
+                250 => 0.3,
+                251 => f32::NAN,
+                252 => f32::INFINITY,
+                253 => -1.0,
+                _ => exported.control_dt_s(),
+            };
+            Scripted { walk, age_s, dt_s, readings }
         })
         .collect();
     let input: Vec<u8> = script
         .iter()
-        .flat_map(|step| [step.readings.flat(), vec![step.age_s, f32::from(u8::from(step.walk))]].concat())
+        .flat_map(|step| [step.readings.flat(), vec![step.age_s, f32::from(u8::from(step.walk)), step.dt_s]].concat())
         .flat_map(f32::to_le_bytes)
         .collect();
     let output = pipe(program, &input);
@@ -295,7 +313,7 @@ pub fn compare_walk(exported: &Exported<'_>, program: Command) {
     let mut modes = Vec::new();
     for (step, (now, row)) in script.iter().zip(rows.chunks_exact(num_motors + 1)).enumerate() {
         running.walk(now.walk);
-        let mode = running.step(now.readings.sensors(), now.age_s);
+        let mode = running.step_for(now.readings.sensors(), now.age_s, now.dt_s);
         assert_eq!(Mode::ALL[row[num_motors] as usize], mode, "step {step}");
         for (own, expected) in row.iter().zip(running.targets()) {
             assert!((own - expected).abs() < LIMIT, "step {step}, {mode:?}: {own} instead of {expected}");
@@ -303,9 +321,9 @@ pub fn compare_walk(exported: &Exported<'_>, program: Command) {
         modes.push(mode);
     }
     assert!(Mode::ALL.iter().all(|mode| modes.contains(mode)), "{modes:?}");
-    assert!(modes[330..332].iter().all(|mode| *mode == Mode::Holding));
+    assert!([330, 331, 334].iter().all(|step| modes[*step] == Mode::Holding));
     assert!(
-        modes[340..400].contains(&Mode::Rising) && matches!(modes[399], Mode::RampingIn | Mode::Walking),
+        modes[332..400].contains(&Mode::Rising) && matches!(modes[399], Mode::RampingIn | Mode::Walking),
         "{modes:?}"
     );
 }

@@ -1,4 +1,4 @@
-/* Steps of the whole runtime: readings with their age and whether to walk in, targets and mode out. */
+/* Steps of the whole runtime: readings with their age, whether to walk and the step's time in, targets and mode out. */
 #include "canter_policy.h"
 
 #include <stdio.h>
@@ -8,12 +8,12 @@ int main(void)
 {
     canter_state state;
     canter_sensors sensors;
-    float input[2 * CANTER_NUM_MOTORS + 8], targets[CANTER_NUM_MOTORS] = {0.0f}, output[CANTER_NUM_MOTORS + 1];
+    float input[2 * CANTER_NUM_MOTORS + 9], targets[CANTER_NUM_MOTORS] = {0.0f}, output[CANTER_NUM_MOTORS + 1];
     canter_init(&state);
     while (fread(input, sizeof input, 1, stdin) == 1) {
         memcpy(&sensors, input, sizeof sensors);
         canter_walk(&state, input[2 * CANTER_NUM_MOTORS + 7] != 0.0f);
-        output[CANTER_NUM_MOTORS] = (float)canter_step(&state, &sensors, CANTER_CONTROL_DT_S, targets);
+        output[CANTER_NUM_MOTORS] = (float)canter_step(&state, &sensors, input[2 * CANTER_NUM_MOTORS + 8], targets);
         memcpy(output, targets, sizeof targets);
         fwrite(output, sizeof output, 1, stdout);
     }

@@ -209,8 +209,10 @@ impl Env {
         episode.world.apply(&self.episode.world, &self.task.robot, &mut self.simulation);
         self.episode = episode;
         if self.task.ground.as_ref().is_some_and(|ground| ground.patches().is_some()) {
-            // Where neither geom has priority the greater friction counts: leave it to the feet.
-            self.simulation.set_friction_of(self.task.robot.floor, 0.0);
+            let Robot { leg_addresses, model, floor, .. } = &*self.task.robot;
+            for address in leg_addresses {
+                self.simulation.leave_friction_to(model, address.foot, *floor);
+            }
         }
         if let Some(ground) = ground {
             self.relief = ground.relief(draw.key, episode.world.roughness);
@@ -233,7 +235,8 @@ impl Env {
             self.simulation.update_positions();
             for address in &robot.leg_addresses {
                 let [x, y, _] = self.simulation.geom_positions_in_world()[address.foot];
-                let own = self.episode.world.friction.unwrap_or(robot.model.friction(address.foot));
+                let of_foot = || robot.model.contact_friction([address.foot, robot.floor]);
+                let own = self.episode.world.friction.unwrap_or_else(of_foot);
                 let factor = patches.factor_at([x, y], self.episode.draw.key);
                 self.simulation.set_friction_of(address.foot, factor * own);
             }

@@ -259,14 +259,13 @@ impl Model {
         self.compiled.geom_friction()[geom][0]
     }
 
-    /// Sliding friction between two geoms: that of the one with the higher priority; none if their priorities are equal,
-    /// when the greater counts.
-    pub fn contact_friction(&self, [first, second]: [usize; 2]) -> Option<f64> {
+    /// Sliding friction between two geoms: that of the one with the higher priority, the greater one of equals.
+    pub fn contact_friction(&self, [first, second]: [usize; 2]) -> f64 {
         let priority = |geom: usize| self.compiled.geom_priority()[geom];
         match priority(first).cmp(&priority(second)) {
-            std::cmp::Ordering::Greater => Some(self.friction(first)),
-            std::cmp::Ordering::Less => Some(self.friction(second)),
-            std::cmp::Ordering::Equal => None,
+            std::cmp::Ordering::Greater => self.friction(first),
+            std::cmp::Ordering::Less => self.friction(second),
+            std::cmp::Ordering::Equal => self.friction(first).max(self.friction(second)),
         }
     }
 

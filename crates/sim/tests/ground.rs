@@ -5,6 +5,7 @@ mod common;
 use std::sync::Arc;
 
 use canter_sim::ground::GroundSettings;
+use canter_sim::mujoco::ObjectKind;
 use canter_sim::robot::built_in_robots;
 use canter_sim::task::ModulationChoice;
 use canter_sim::variation::Variant;
@@ -175,6 +176,44 @@ fn too_low_is_measured_from_the_ground_below() {
 }
 
 #[test]
+fn patches_are_multiples_of_the_friction_that_counts_whoever_has_priority() {
+    // Doggo's feet have a friction of 0.8; the floor of this test has 0.6, and another say in the contact.
+    for (floor_priority, friction) in [(0, 0.8), (1, 0.8), (2, 0.6)] {
+        let mut robot = Robot::load("doggo").unwrap();
+        let geom = |name: &str| robot.model.id(ObjectKind::Geom, name).unwrap();
+        let floor = geom(&robot.settings.floor);
+        let feet = ["front_left_foot", "back_right_foot"].map(geom);
+        let model = robot.model.raw_mut();
+        assert_eq!(model.geom_priority()[feet[0]], 1);
+        model.geom_priority_mut()[floor] = floor_priority;
+        model.geom_friction_mut()[floor][0] = 0.6;
+        let walked_m = |change| {
+            let task = task(&robot, change);
+            let mut env = Env::new(task.clone());
+            let mut observation = vec![0.0; task.num_observations()];
+            env.reset(&mut common::uniform(1), &mut observation);
+            (0..300).for_each(|_| _ = env.step_prior(&mut observation));
+            let model = env.simulation().model();
+            let frictions: Vec<f64> = feet.iter().map(|&foot| model.geom_friction()[foot][0]).collect();
+            (env.position_in_ground()[0], frictions)
+        };
+        let (plain_m, _) = walked_m(|_| {});
+        let (nearly_m, frictions) = walked_m(|settings| {
+            settings.ground =
+                Some(GroundSettings { patch_friction: Some(vec![0.999, 1.001]), ..GroundSettings::smooth() });
+        });
+        assert!(plain_m > 0.5, "{plain_m}");
+        assert!((nearly_m / plain_m - 1.0).abs() < 0.1, "priority {floor_priority}: {nearly_m} instead of {plain_m} m");
+        assert!(frictions.iter().all(|own| (own / friction - 1.0).abs() < 0.002), "{floor_priority}: {frictions:?}");
+        let (slippery_m, _) = walked_m(|settings| {
+            settings.ground =
+                Some(GroundSettings { patch_friction: Some(vec![0.01, 0.02]), ..GroundSettings::smooth() });
+        });
+        assert!(slippery_m < 0.5 * plain_m, "priority {floor_priority}: {slippery_m} on ice, {plain_m} m elsewhere");
+    }
+}
+
+#[test]
 fn patches_give_the_feet_their_friction() {
     let robot = Robot::load("doggo").unwrap();
     let task = task(&robot, |settings| {
@@ -189,7 +228,7 @@ fn patches_give_the_feet_their_friction() {
         env.step_prior(&mut observation);
         let model = env.simulation().model();
         for foot in ["front_left_foot", "back_right_foot"] {
-            let geom = robot.model.id(canter_sim::mujoco::ObjectKind::Geom, foot).unwrap();
+            let geom = robot.model.id(ObjectKind::Geom, foot).unwrap();
             seen.push(model.geom_friction()[geom][0]);
         }
     }

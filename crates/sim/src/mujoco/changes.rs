@@ -1,6 +1,8 @@
 //! What changes of a simulation's model from one episode to the next. Everything is said against the robot's own model,
 //! so that changes do not add up.
 
+use std::cmp::Ordering;
+
 use mujoco_rs::mujoco_c::mjtSameFrame;
 use mujoco_rs::wrappers::mj_model::MjModel;
 
@@ -28,6 +30,27 @@ impl Simulation {
             let geoms = [model.pair_geom1()[pair], model.pair_geom2()[pair]];
             if geoms.contains(&(geom as i32)) {
                 model.pair_friction_mut()[pair][..2].fill(friction);
+            }
+        }
+    }
+
+    /// Makes the friction of `foot` that of its contact with `floor`, which stays what it is in everything else.
+    ///
+    /// A foot with priority decides already. From a floor with priority the foot takes over the contact as it is. Of equals
+    /// the greater friction counts: the floor's becomes 0.
+    pub fn leave_friction_to(&mut self, own: &Model, foot: usize, floor: usize) {
+        let priority = |geom: usize| own.compiled.geom_priority()[geom];
+        let model = self.model_mut();
+        match priority(foot).cmp(&priority(floor)) {
+            Ordering::Greater => {}
+            Ordering::Equal => model.geom_friction_mut()[floor][0] = 0.0,
+            Ordering::Less => {
+                model.geom_priority_mut()[foot] = priority(floor) + 1;
+                model.geom_friction_mut()[foot] = own.compiled.geom_friction()[floor];
+                model.geom_solref_mut()[foot] = own.compiled.geom_solref()[floor];
+                model.geom_solimp_mut()[foot] = own.compiled.geom_solimp()[floor];
+                // SAFETY: the number is one that MuJoCo compiled, and contacts are counted anew at each step.
+                unsafe { model.geom_condim_mut()[foot] = own.compiled.geom_condim()[floor] };
             }
         }
     }

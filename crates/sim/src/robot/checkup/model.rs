@@ -244,8 +244,7 @@ fn check_legs(robot: &Robot, anatomy: &Anatomy, checkup: &Checkup, findings: &mu
     let origins = &checkup.origins;
     for leg in &robot.leg_addresses {
         let foot = &anatomy.geoms[leg.foot];
-        let friction = robot.model.friction(leg.foot).max(robot.model.friction(robot.floor));
-        let of_foot = robot.model.contact_friction([leg.foot, robot.floor]).unwrap_or(friction);
+        let of_foot = robot.model.contact_friction([leg.foot, robot.floor]);
         if of_foot < LEAST_FRICTION {
             findings.push(Finding {
                 severity: Severity::Warning,

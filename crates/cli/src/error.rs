@@ -81,6 +81,8 @@ pub enum CliError {
     LeftMoving { why: &'static str, path: PathBuf },
     #[error("no gait of few parameters is near the learned one: {0}")]
     NoFit(FitError),
+    #[error("{second} is the training of {first} again, seed {seed}, and would count twice; leave one of them out")]
+    SameRun { first: String, second: String, seed: u64 },
     #[error("several runs need a folder for their report; give one with --out DIR")]
     ReportNeedsOut,
     #[error(

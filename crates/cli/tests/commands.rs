@@ -354,3 +354,21 @@ fn a_gait_becomes_a_table_and_the_table_a_gait_that_can_be_pasted() {
     assert_eq!(numbers.len(), 50 * 8);
     assert!(numbers.iter().zip(&expected).all(|(a, b)| (a - b).abs() < 1e-4), "{again}\n{table}");
 }
+
+#[test]
+fn robustness_puts_seeds_together_and_refuses_a_run_twice() {
+    let folder = TemporaryFolder::new();
+    folder.canter(&train_args(&["--out", "runs/mine-3-1"])).succeeded();
+    let other_seed: Vec<_> = train_args(&["--out", "runs/mine-4-1"]);
+    let other_seed: Vec<_> = other_seed.iter().map(|arg| if *arg == "3" { "4" } else { arg }).collect();
+    folder.canter(&other_seed).succeeded();
+    let stdout = folder.canter(&["robustness", "runs/mine-3-1", "runs/mine-4-1", "--json"]).succeeded();
+    let groups = json(&stdout);
+    assert_eq!(groups.as_array().unwrap().len(), 1);
+    assert_eq!((&groups[0]["name"], &groups[0]["training_seeds"]), (&Value::from("mine"), &Value::from(vec![3, 4])));
+    assert_eq!(groups[0]["conditions"][0]["num_episodes"], 4);
+    let twice = folder.canter(&["robustness", "runs/mine-3-1", "runs/mine-4-1", "runs/../runs/mine-3-1/"]);
+    assert_eq!(twice.code, Some(1));
+    let message = "runs/../runs/mine-3-1/ is the training of runs/mine-3-1 again, seed 3, and would count twice";
+    assert!(twice.stderr.contains(message), "{}", twice.stderr);
+}

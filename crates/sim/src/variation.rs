@@ -54,6 +54,31 @@ settings! {
     }
 }
 
+impl VariationSettings {
+    /// Every environment is as the task has it.
+    pub fn nothing() -> Self {
+        Self {
+            share: None,
+            slope_deg: None,
+            cross_slope_deg: None,
+            roughness: None,
+            friction: None,
+            mass_factor: None,
+            com_shift: None,
+            strength_factor: None,
+            gain_factor: None,
+            delay_s: None,
+            angle_noise_rad: None,
+            velocity_noise_rad_per_s: None,
+            orientation_noise_rad: None,
+            angular_velocity_noise_rad_per_s: None,
+            push_interval_s: None,
+            push_velocity: None,
+            curriculum: None,
+        }
+    }
+}
+
 /// What an episode's differences are drawn from.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Draw {

@@ -194,7 +194,7 @@ fn the_place_among_the_variations_decides_the_slope() {
         settings.start_noise_rad = 0.0;
         settings.slope_deg = -3.0;
         settings.variation =
-            VariationSettings { share: Some(0.5), slope_deg: Some(vec![5.0, 15.0]), ..common::no_variation() };
+            VariationSettings { share: Some(0.5), slope_deg: Some(vec![5.0, 15.0]), ..VariationSettings::nothing() };
     });
     // Half of the places climb from 5 to 15 degrees, the others have the task's own slope.
     for (place, slope_deg) in
@@ -220,7 +220,7 @@ fn a_varied_slope_is_the_same_physics_as_that_slope_as_the_tasks_own() {
     };
     let varied = walk(&|settings| {
         settings.variation =
-            VariationSettings { share: None, slope_deg: Some(vec![4.0, 12.0]), ..common::no_variation() };
+            VariationSettings { share: None, slope_deg: Some(vec![4.0, 12.0]), ..VariationSettings::nothing() };
     });
     let own = walk(&|settings| settings.slope_deg = 8.0);
     assert!(distance(varied.0, own.0) < 1e-9, "{varied:?} {own:?}");
@@ -232,7 +232,7 @@ fn a_restored_environment_goes_on_with_the_same_bytes() {
     restored_goes_on(|_| {});
     restored_goes_on(|settings| {
         settings.variation =
-            VariationSettings { share: None, slope_deg: Some(vec![-10.0, 10.0]), ..common::no_variation() };
+            VariationSettings { share: None, slope_deg: Some(vec![-10.0, 10.0]), ..VariationSettings::nothing() };
     });
 }
 

@@ -176,7 +176,7 @@ fn no_position_and_no_velocity_is_poisoned_without_notice() {
 fn an_environments_own_numbers_cannot_be_nonsense() {
     let mut settings = common::task_settings();
     settings.variation =
-        VariationSettings { share: Some(0.5), slope_deg: Some(vec![5.0, 15.0]), ..common::no_variation() };
+        VariationSettings { share: Some(0.5), slope_deg: Some(vec![5.0, 15.0]), ..VariationSettings::nothing() };
     let task = common::doggo(&settings, &common::policy_settings("sine", ModulationChoice::Amplitude));
     let mut env = walking(&task, 3);
     let mut observation = vec![0.0; task.num_observations()];

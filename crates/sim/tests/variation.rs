@@ -47,7 +47,7 @@ fn masses_friction_and_gains_are_what_was_drawn() {
         mass_factor: Some(vec![0.8, 1.2]),
         friction: Some(vec![0.5, 1.3]),
         gain_factor: Some(vec![0.9, 1.1]),
-        ..common::no_variation()
+        ..VariationSettings::nothing()
     });
     let model = |seed: u64, number: &dyn Fn(&Env) -> f64| number(&begun(&task, ALL, seed));
     assert_fills([0.8, 1.2], |seed| {
@@ -74,8 +74,11 @@ fn masses_friction_and_gains_are_what_was_drawn() {
 
 #[test]
 fn episodes_do_not_add_up() {
-    let task =
-        task(VariationSettings { mass_factor: Some(vec![1.1, 1.2]), com_shift: Some(0.3), ..common::no_variation() });
+    let task = task(VariationSettings {
+        mass_factor: Some(vec![1.1, 1.2]),
+        com_shift: Some(0.3),
+        ..VariationSettings::nothing()
+    });
     let mut env = Env::new(task.clone());
     let mut observation = vec![0.0; task.num_observations()];
     env.vary(ALL);
@@ -90,8 +93,8 @@ fn episodes_do_not_add_up() {
 
 #[test]
 fn a_shifted_centre_of_mass_moves_no_geom_and_is_where_it_should_be() {
-    let shifted = task(VariationSettings { com_shift: Some(0.5), ..common::no_variation() });
-    let plain = task(common::no_variation());
+    let shifted = task(VariationSettings { com_shift: Some(0.5), ..VariationSettings::nothing() });
+    let plain = task(VariationSettings::nothing());
     let robot = Robot::load("doggo").unwrap();
     let chassis = robot.model.id(ObjectKind::Body, "chassis").unwrap();
     let (mut env, mut own) = (begun(&shifted, ALL, 2), begun(&plain, ALL, 2));
@@ -190,9 +193,9 @@ fn noise_is_in_what_the_sensors_say_and_nowhere_else() {
     let noisy = task(VariationSettings {
         angle_noise_rad: Some(0.02),
         orientation_noise_rad: Some(0.05),
-        ..common::no_variation()
+        ..VariationSettings::nothing()
     });
-    let plain = task(common::no_variation());
+    let plain = task(VariationSettings::nothing());
     let (mut a, mut b) = (begun(&noisy, ALL, 1), begun(&plain, ALL, 1));
     let (mut heard, mut true_) = (vec![0.0; noisy.num_observations()], vec![0.0; plain.num_observations()]);
     let mut errors = Vec::new();
@@ -214,8 +217,11 @@ fn noise_is_in_what_the_sensors_say_and_nowhere_else() {
 
 #[test]
 fn pushes_come_once_an_interval_and_are_as_large_as_said() {
-    let task =
-        task(VariationSettings { push_interval_s: Some(0.5), push_velocity: Some(0.4), ..common::no_variation() });
+    let task = task(VariationSettings {
+        push_interval_s: Some(0.5),
+        push_velocity: Some(0.4),
+        ..VariationSettings::nothing()
+    });
     // sqrt(9.81 * 0.17) = 1.2914 m/s
     let largest = 0.4 * 1.2914;
     let mut sizes = Vec::new();
@@ -249,8 +255,11 @@ fn pushes_come_once_an_interval_and_are_as_large_as_said() {
 
 #[test]
 fn a_level_scales_slopes_roughness_and_pushes() {
-    let task =
-        task(VariationSettings { slope_deg: Some(vec![0.0, 20.0]), curriculum: Some(true), ..common::no_variation() });
+    let task = task(VariationSettings {
+        slope_deg: Some(vec![0.0, 20.0]),
+        curriculum: Some(true),
+        ..VariationSettings::nothing()
+    });
     let pitch_deg = |level: f64| {
         let mut env = Env::new(task.clone());
         let mut observation = vec![0.0; task.num_observations()];
@@ -327,10 +336,10 @@ fn what_varies_by_halves_is_refused() {
         let robot = Arc::new(Robot::load("doggo").unwrap());
         Task::new(robot, &settings, &common::reward_settings(), &policy, problems).unwrap_err().to_string()
     };
-    let message = refusal(VariationSettings { push_velocity: Some(0.1), ..common::no_variation() });
+    let message = refusal(VariationSettings { push_velocity: Some(0.1), ..VariationSettings::nothing() });
     assert!(message.contains("pushes need a push_interval_s as well"), "{message}");
-    let message = refusal(VariationSettings { curriculum: Some(true), ..common::no_variation() });
+    let message = refusal(VariationSettings { curriculum: Some(true), ..VariationSettings::nothing() });
     assert!(message.contains("no slopes, roughness or pushes vary that could grow"), "{message}");
-    let message = refusal(VariationSettings { friction: Some(vec![1.0, 0.5]), ..common::no_variation() });
+    let message = refusal(VariationSettings { friction: Some(vec![1.0, 0.5]), ..VariationSettings::nothing() });
     assert!(message.contains("1 is not less than 0.5"), "{message}");
 }

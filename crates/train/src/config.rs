@@ -234,6 +234,17 @@ fn find_preset(name: &str) -> Option<(&'static Preset, bool)> {
     of(name).map(|preset| (preset, false)).or_else(|| Some((robust()?, true)))
 }
 
+/// The preset that this is but for its seed and its evaluation, if there is one.
+pub fn preset_of(config: &RunConfig) -> Option<String> {
+    preset_names().find(|name| {
+        let preset = open_preset(name).ok().and_then(|document| document.read::<RunConfig>().ok());
+        preset.is_some_and(|preset| {
+            let (seed, evaluation) = (config.seed, config.evaluation.clone());
+            RunConfig { seed, evaluation, ..preset } == *config
+        })
+    })
+}
+
 /// Why a run's configuration cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum ConfigError {

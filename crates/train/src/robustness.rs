@@ -5,6 +5,7 @@ use std::sync::Arc;
 use canter_gait::Policy;
 use canter_sim::ground::GroundSettings;
 use canter_sim::settings::Document;
+use canter_sim::variation::VariationSettings;
 use canter_sim::{Env, Task, TaskSettings};
 use serde::Serialize;
 
@@ -27,7 +28,8 @@ const fn condition(name: &'static str, change: fn(&mut TaskSettings)) -> Conditi
     Condition { name, change, push: None }
 }
 
-/// What every policy is measured under; the first is the robot as it is on level ground, which the others are held against.
+/// What every policy is measured under, whatever it was trained on; the first is the robot as it is on level ground, which
+/// the others are held against.
 pub const CONDITIONS: [Condition; 21] = [
     condition("as it is", |_| {}),
     condition("friction 0.5", |task| task.friction = Some(0.5)),
@@ -58,6 +60,21 @@ pub const CONDITIONS: [Condition; 21] = [
 
 fn corner(task: &mut TaskSettings, friction: f64, mass_factor: f64, delay_s: f64) {
     (task.friction, task.mass_factor, task.delay_s) = (Some(friction), Some(mass_factor), Some(delay_s));
+}
+
+/// The same task with the robot as it is, on level ground, whatever was trained for.
+fn plain(task: &TaskSettings) -> TaskSettings {
+    TaskSettings {
+        slope_deg: 0.0,
+        cross_slope_deg: None,
+        friction: None,
+        mass_factor: None,
+        strength_factor: None,
+        delay_s: None,
+        ground: None,
+        variation: VariationSettings::nothing(),
+        ..task.clone()
+    }
 }
 
 /// What a policy did under one condition.
@@ -116,7 +133,7 @@ fn measure_one(
     workers: &Workers,
 ) -> Result<Measured, ConfigError> {
     let Resolved { config, task } = resolved;
-    let mut settings = config.task.clone();
+    let mut settings = plain(&config.task);
     (condition.change)(&mut settings);
     let problems = Document::parse(condition.name, b"")?.problems();
     let task = Task::new(Arc::clone(&task.robot), &settings, &config.reward, &config.policy, problems)?;

@@ -5,7 +5,7 @@ mod common;
 use canter_gait::Policy;
 use canter_learn::Environment;
 use canter_sim::settings::{Document, write_commented};
-use canter_train::config::{DEFAULT_PRESET, RunConfig, open_preset, preset_names, resolve};
+use canter_train::config::{DEFAULT_PRESET, RunConfig, open_preset, preset_names, preset_of, resolve};
 use canter_train::environment::TrainingEnvironment;
 use canter_train::policy_file::PolicyFile;
 use canter_train::trainer::{IterationReport, Trainer};
@@ -24,6 +24,21 @@ fn every_preset_resolves_and_its_commented_output_reads_back_equal() {
         assert_eq!(again.read::<RunConfig>().unwrap(), config, "{name}");
         assert_eq!(write_commented(&resolve(&again).unwrap().config), text, "{name}");
     }
+}
+
+#[test]
+fn a_configuration_is_called_by_its_preset_whatever_its_seed_and_evaluation() {
+    let name = |preset: &str, changes: &[(&str, &str)]| {
+        let mut document = open_preset(preset).unwrap();
+        changes.iter().for_each(|(key, value)| document.set(key, value));
+        preset_of(&resolve(&document).unwrap().config)
+    };
+    for preset in ["doggo", "paper", "doggo-robust", "q8bot"] {
+        let changes = [("seed", "7"), ("evaluation.seed", "1000"), ("evaluation.num_episodes", "5")];
+        assert_eq!(name(preset, &changes).as_deref(), Some(preset));
+    }
+    assert_eq!(name("doggo", &[("training.max_env_steps", "4096")]), None);
+    assert_eq!(name("doggo", &[("robot", "hexapod"), ("policy.prior", "tripod")]).as_deref(), Some("hexapod"));
 }
 
 /// Leaving any line out of a preset is an error that names the key, but for the keys that may be absent.

@@ -37,29 +37,7 @@ pub fn task_settings() -> TaskSettings {
         accident_cost: 0.0,
         height_margin: 0.0,
         start_noise_rad: 0.05,
-        variation: no_variation(),
-    }
-}
-
-pub fn no_variation() -> VariationSettings {
-    VariationSettings {
-        share: None,
-        slope_deg: None,
-        cross_slope_deg: None,
-        roughness: None,
-        friction: None,
-        mass_factor: None,
-        com_shift: None,
-        strength_factor: None,
-        gain_factor: None,
-        delay_s: None,
-        angle_noise_rad: None,
-        velocity_noise_rad_per_s: None,
-        orientation_noise_rad: None,
-        angular_velocity_noise_rad_per_s: None,
-        push_interval_s: None,
-        push_velocity: None,
-        curriculum: None,
+        variation: VariationSettings::nothing(),
     }
 }
 

@@ -1,6 +1,7 @@
 //! The verdict as a person reads it.
 
-use canter_train::evaluate::{GaitReport, ProtocolCard, Verdict};
+use canter_train::evaluate::{GaitReport, Verdict};
+use canter_train::protocol::ProtocolCard;
 
 /// The verdict's sentence and its table.
 pub fn describe(verdict: &Verdict) -> String {

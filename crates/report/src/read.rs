@@ -1,6 +1,7 @@
 //! The files that are read, and what has to be true of them. `docs/run-directory.md` and `docs/metrics.md` describe them.
 
 use std::collections::BTreeMap;
+use std::fmt::{Display, Formatter};
 use std::fs::{self, File};
 use std::io::{ErrorKind, Read};
 use std::path::{Component, Path, PathBuf};
@@ -63,7 +64,24 @@ pub struct Protocol {
     pub friction: Option<f64>,
     /// What else of the world was changed, by its key.
     #[serde(default)]
-    pub changed: BTreeMap<String, f64>,
+    pub changed: BTreeMap<String, Changed>,
+}
+
+/// A value of a task: a number, or a least and a greatest one.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[serde(untagged)]
+pub enum Changed {
+    Number(f64),
+    Range([f64; 2]),
+}
+
+impl Display for Changed {
+    fn fmt(&self, f: &mut Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Number(value) => write!(f, "{value}"),
+            Self::Range([low, high]) => write!(f, "{low} to {high}"),
+        }
+    }
 }
 
 /// A gait in `eval.json`.

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use canter_gait::{Policy, Sensors};
 use canter_learn::random::{Purpose, stream};
 use canter_sim::frame::smallest_angle;
-use canter_sim::{Accident, Env, StepOutcome, Task, TaskSettings};
+use canter_sim::{Accident, Env, StepOutcome, Task};
 use rayon::prelude::*;
 use serde::Serialize;
 
@@ -14,6 +14,7 @@ use crate::config::EvaluationSettings;
 use crate::environment::uniform;
 use crate::executor::Workers;
 use crate::footfall::Footfall;
+use crate::protocol::ProtocolCard;
 use crate::statistics::{bootstrap_interval, mean, population_std};
 
 /// What moves the robot.
@@ -95,7 +96,7 @@ pub struct Episode {
     pub drift_m: f64,
     /// Change of the heading over the whole episode, without its sign [deg].
     pub heading_deg: f64,
-    /// Standard deviation of the body's height after the settling time [m].
+    /// Standard deviation of the body's height above the ground below it, after the settling time [m].
     pub height_std_m: f64,
     /// See [`speed_per_step_std`] [m].
     pub speed_per_step_std_m: f64,
@@ -128,7 +129,7 @@ pub struct GaitReport {
     pub drift_m: f64,
     /// Mean change of the heading, without its sign [deg].
     pub heading_deg: f64,
-    /// Mean standard deviation of the body's height [m].
+    /// Mean standard deviation of the body's height above the ground below it [m].
     pub height_std_m: f64,
     /// Mean standard deviation of the way of one env step [m].
     pub speed_per_step_std_m: f64,
@@ -304,7 +305,7 @@ pub(crate) fn run_episode(
                 body_contact_steps += u32::from(env.ground_contacts(&mut feet) > 0);
                 contacts.extend(<[bool; 4]>::try_from(&feet[..]).ok());
                 work_j += outcome.work_j;
-                heights.push(end[2]);
+                heights.push(env.height_above_ground_m());
                 ways_m.push(end[0] - before_m);
             }
         }
@@ -407,63 +408,6 @@ pub struct Verdict {
     pub prior_speed_ratio: Option<f64>,
     /// Its 95 % interval.
     pub prior_speed_ratio_ci: Option<[f64; 2]>,
-}
-
-/// What decides the numbers of an evaluation.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct ProtocolCard {
-    /// Name of the robot.
-    pub robot: String,
-    /// Episodes of each gait.
-    pub num_episodes: usize,
-    /// Length of an episode [s].
-    pub episode_s: f64,
-    /// The speed counts from here on [s].
-    pub settle_s: f64,
-    /// Time of one physics step [s].
-    pub physics_dt_s: f64,
-    /// Seed of the starts.
-    pub seed: u64,
-    /// Slope of the ground, positive uphill [deg].
-    pub slope_deg: f64,
-    /// Sliding friction; none: the model's own.
-    pub friction: Option<f64>,
-    /// What else of the world is not as it is by itself: the task's own values, by their keys.
-    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
-    pub changed: BTreeMap<&'static str, f64>,
-}
-
-impl ProtocolCard {
-    /// What decides the numbers of an evaluation of a task.
-    pub fn new(task: &Task, settings: &EvaluationSettings) -> Self {
-        Self {
-            robot: task.robot.settings.name.clone(),
-            num_episodes: settings.num_episodes,
-            episode_s: settings.episode_s,
-            settle_s: settings.settle_s,
-            physics_dt_s: settings.physics_dt_s,
-            seed: settings.seed,
-            slope_deg: task.settings.slope_deg,
-            friction: task.settings.friction,
-            changed: changed_world(&task.settings),
-        }
-    }
-}
-
-/// The task's values, by their keys, that make its world another than level ground and the robot as it is; slope along
-/// the way and friction have places of their own.
-fn changed_world(settings: &TaskSettings) -> BTreeMap<&'static str, f64> {
-    let ground = settings.ground.as_ref();
-    let values = [
-        ("cross_slope_deg", settings.cross_slope_deg),
-        ("mass_factor", settings.mass_factor),
-        ("strength_factor", settings.strength_factor),
-        ("delay_s", settings.delay_s),
-        ("ground.roughness", ground.and_then(|ground| ground.roughness)),
-        ("ground.curb_height", ground.and_then(|ground| ground.curb_height)),
-        ("ground.patch_length", ground.and_then(|ground| ground.patch_length)),
-    ];
-    values.into_iter().filter_map(|(key, value)| Some((key, value?))).collect()
 }
 
 /// Measures a policy, its prior and the robot's default gaits from the same starts; without a policy, the prior alone.

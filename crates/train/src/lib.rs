@@ -3,9 +3,9 @@
 //! The way of the data: [`config`] resolves a preset into a robot and a task; [`trainer`] owns the environments and the
 //! networks and does one iteration at a time, on the threads of [`executor`]; [`run`] is the loop around it and writes
 //! [`run_directory`]'s files, among them [`checkpoint`]s, the [`policy_file`], [`tensorboard`]'s curves and, should the
-//! physics make no sense, what a [`blow_up`] left; [`evaluate`]
-//! measures what was learned, its [`footfall`]s among it, [`trajectory`] records it step by step, and [`film`] shows it. [`search`] tunes a
-//! gait without learning, [`gait_fit`] finds the parameters of one that was recorded, [`compare`] sets all that side by side.
+//! physics make no sense, what a [`blow_up`] left; [`evaluate`] measures what was learned, its [`footfall`]s among it, and
+//! says by which [`protocol`]; [`trajectory`] records it step by step, and [`film`] shows it. [`search`] tunes a gait
+//! without learning, [`gait_fit`] finds the parameters of one that was recorded, [`compare`] sets all that side by side.
 
 pub mod blow_up;
 pub mod checkpoint;
@@ -20,6 +20,7 @@ pub mod gait_fit;
 pub mod jobs;
 mod json;
 pub mod policy_file;
+pub mod protocol;
 pub mod robustness;
 pub mod run;
 pub mod run_directory;

@@ -124,6 +124,39 @@ fn slope_and_friction_reach_the_physics() {
 }
 
 #[test]
+fn the_bounce_is_of_the_height_above_the_ground_below() {
+    let std = |values: &[f64]| {
+        let mean = values.iter().sum::<f64>() / values.len() as f64;
+        (values.iter().map(|value| (value - mean) * (value - mean)).sum::<f64>() / values.len() as f64).sqrt()
+    };
+    for (ground, is_even) in [(None, true), (Some(("task.ground.roughness", "0.1")), false)] {
+        let resolved = common::tiny(&[&[("evaluation.settle_s", "0.0")], ground.as_slice()].concat());
+        let settings = &resolved.config.evaluation;
+        let walked = report(&resolved, Mover::Prior);
+        let (mut above_ground, mut above_plane) = (Vec::new(), Vec::new());
+        for number in 0..settings.num_episodes as u64 {
+            let task = Task::clone(&resolved.task).with_physics_dt_s(settings.physics_dt_s).unwrap();
+            let mut env = Env::new(Arc::new(task));
+            let mut observation = vec![0.0; resolved.task.num_observations()];
+            let mut rng = stream(settings.seed, Purpose::Evaluation, 0, number);
+            env.reset(&mut || (rng.next_u64() >> 11) as f64 / (1_u64 << 53) as f64, &mut observation);
+            let (mut above_ground_m, mut above_plane_m) = (Vec::new(), Vec::new());
+            for _ in 0..(settings.episode_s / resolved.task.settings.control_dt_s).round() as u32 {
+                assert_eq!(env.step_prior(&mut observation).terminated, None);
+                let [x, y, z] = env.position_in_ground();
+                above_ground_m.push(z - env.ground_height_m([x, y]));
+                above_plane_m.push(z);
+            }
+            above_ground.push(std(&above_ground_m));
+            above_plane.push(std(&above_plane_m));
+        }
+        let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
+        assert!((walked.height_std_m - mean(&above_ground)).abs() < 1e-12, "{ground:?}");
+        assert_eq!((mean(&above_ground) - mean(&above_plane)).abs() < 1e-12, is_even, "{ground:?}");
+    }
+}
+
+#[test]
 fn neither_the_goal_nor_the_training_time_limit_ends_an_evaluation() {
     let free = report(&common::tiny(&[]), Mover::Prior);
     let limited = report(&common::tiny(&[("task.goal_distance_m", "0.1"), ("task.episode_s", "0.2")]), Mover::Prior);

@@ -6,8 +6,9 @@ use std::process::ExitCode;
 use canter_sim::settings::Document;
 use canter_sim::{NamedGait, Robot};
 use canter_train::config::{Resolved, resolve};
-use canter_train::evaluate::{GaitReport, Mover, ProtocolCard, evaluate, judge};
+use canter_train::evaluate::{GaitReport, Mover, evaluate, judge};
 use canter_train::policy_file::PolicyFile;
+use canter_train::protocol::ProtocolCard;
 use serde_json::json;
 
 use crate::args::EvalArgs;

@@ -230,7 +230,7 @@ fn protocol_text(sweep: &Sweep) -> String {
         "Each point is trained with the seeds {}, and every gait is measured from the same random starts, which no training \
          uses; a robot that falls keeps the full time.{overrides}\nSpeeds and ratios are interquartile means over the \
          trainings; intervals are 95 % bootstraps over the trainings. The falls of a default gait are those of one run's \
-         episodes. Each training lies in a folder of its own, named after the point and the seed, beside this page.",
+         episodes. Each training has left a folder of its own, named after the point and the seed, where the sweep was made.",
         seeds.join(", ")
     )
 }

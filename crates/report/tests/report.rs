@@ -439,6 +439,8 @@ fn a_sweep_over_numbers_is_a_dial_and_over_words_a_ladder() {
     report_sweep(&folder).unwrap();
     let page = fs::read_to_string(folder.join("report.html")).unwrap();
     assert_figures(&folder, &page, &["dial"]);
+    // A copy of the page may lie far from the trainings.
+    assert!(page.contains("Each training has left a folder of its own") && !page.contains("seed, beside this page"));
     // Of three points with 1, 2 and 3 times the default's 0.5 m/s.
     assert!(
         page.contains(

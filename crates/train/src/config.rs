@@ -165,20 +165,26 @@ pub const DEFAULT_PRESET: &str = "doggo";
 
 const DOGGO: &str = include_str!("../../../presets/doggo.toml");
 
-/// The presets. One for another robot is Doggo's with that robot and its own default gait: reward, networks and
-/// hyperparameters are the same for all, but for quad12's exploration noise.
+/// The presets. One for another robot is Doggo's with that robot and its own default gait: reward and networks are the same
+/// for all, and so is all else but what is said here.
 const PRESETS: [Preset; 7] = [
     Preset { name: "doggo", text: DOGGO, changes: &[] },
     Preset { name: "paper", text: include_str!("../../../presets/paper.toml"), changes: &[] },
-    for_robot("minitaur", &[ROBOT_TROT, ("robot", "minitaur")]),
-    for_robot("q8bot", &[ROBOT_TROT, ("robot", "q8bot")]),
+    for_robot("minitaur", &[ROBOT_TROT, ("robot", "minitaur"), HALF]),
+    // It weighs 0.22 kg, and at Doggo's physics step of 0.005 s its gaits lived on the step: three policies of seeds 101 to 103
+    // fell in 19 of 180 episodes at the evaluation's, in none at their own.
+    for_robot("q8bot", &[ROBOT_TROT, ("robot", "q8bot"), HALF, ("task.physics_dt_s", "0.002")]),
     // Doggo's noise of 0.5 lets serial legs walk backwards, and learning spends most of its time to undo it.
-    for_robot("quad12", &[ROBOT_TROT, ("robot", "quad12"), ("network.initial_log_std", "-1.2")]),
+    for_robot("quad12", &[ROBOT_TROT, ("robot", "quad12"), HALF, ("network.initial_log_std", "-1.2")]),
     for_robot("hexapod", &[("policy.prior", "tripod"), ("robot", "hexapod")]),
     for_robot("octopod", &[("policy.prior", "alternating"), ("robot", "octopod")]),
 ];
 
 const ROBOT_TROT: (&str, &str) = ("policy.prior", "trot");
+
+/// Half of the hand-made gait stays, as in the paper. With all of it free these robots pitch by 8 to 12 degrees on the mean, and
+/// some roll over; so they pitch by 1 to 7, and none did. Chosen on training seeds 101 to 103 and evaluation seed 1000.
+const HALF: (&str, &str) = ("policy.authority", "0.5");
 
 /// Doggo's preset for another robot.
 const fn for_robot(name: &'static str, changes: &'static [(&'static str, &'static str)]) -> Preset {

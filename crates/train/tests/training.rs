@@ -41,6 +41,15 @@ fn a_configuration_is_called_by_its_preset_whatever_its_seed_and_evaluation() {
     assert_eq!(name("doggo", &[("robot", "hexapod"), ("policy.prior", "tripod")]).as_deref(), Some("hexapod"));
 }
 
+#[test]
+fn every_robot_has_the_same_reward() {
+    let config = |name: &str| open_preset(name).unwrap().read::<RunConfig>().unwrap();
+    let doggo = config("doggo");
+    for name in ["doggo-robust", "minitaur", "q8bot", "quad12", "hexapod", "octopod"] {
+        assert_eq!((config(name).reward, config(name).network.actor_hidden), (doggo.reward.clone(), 64), "{name}");
+    }
+}
+
 /// Leaving any line out of a preset is an error that names the key, but for the keys that may be absent.
 #[test]
 fn presets_are_complete() {

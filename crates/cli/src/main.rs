@@ -42,6 +42,8 @@ fn main() -> ExitCode {
             RobotCommand::Check(args) => commands::robot_check::robot_check(&args),
         },
         Command::Config(args) => commands::config::config(&args),
+        Command::Completions(args) => commands::shell::completions(&args),
+        Command::Man(args) => commands::shell::man(&args),
         Command::CompileModel(args) => commands::compile_model::compile_model(&args),
     };
     // MuJoCo's warnings are ours to pass on.

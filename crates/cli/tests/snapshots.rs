@@ -27,9 +27,22 @@ fn assert_snapshot(name: &str, text: &str) {
 fn help() {
     let folder = TemporaryFolder::new();
     assert_snapshot("help.txt", &folder.canter(&["--help"]).succeeded());
-    for command in
-        ["train", "resume", "eval", "compare", "sweep", "report", "export", "run", "film", "view", "robots", "config"]
-    {
+    for command in [
+        "train",
+        "resume",
+        "eval",
+        "compare",
+        "sweep",
+        "report",
+        "export",
+        "run",
+        "film",
+        "view",
+        "robots",
+        "config",
+        "completions",
+        "man",
+    ] {
         assert_snapshot(&format!("help-{command}.txt"), &folder.canter(&[command, "--help"]).succeeded());
     }
     for command in ["fit", "table"] {

@@ -4,6 +4,7 @@ mod exporting;
 mod learning;
 mod measuring;
 mod robots;
+mod shell;
 
 use clap::{Args, Parser, Subcommand};
 
@@ -14,6 +15,7 @@ pub use robots::{
     CompileModelArgs, FitShape, GaitArgs, GaitCommand, GaitFitArgs, GaitTableArgs, RobotArgs, RobotCheckArgs,
     RobotCommand, RobotNewArgs, RobotsArgs,
 };
+pub use shell::{CompletionsArgs, ManArgs};
 
 /// Learns a faster version of a legged robot's own gait, in simulation.
 ///
@@ -63,6 +65,10 @@ pub enum Command {
     Gait(GaitArgs),
     /// Print a preset with the meaning of every value
     Config(ConfigArgs),
+    /// Print what a shell needs to complete canter's commands and options
+    Completions(CompletionsArgs),
+    /// Write canter's manual pages
+    Man(ManArgs),
     /// Compile a model, within limits of time and memory
     #[command(hide = true)]
     CompileModel(CompileModelArgs),

@@ -301,6 +301,21 @@ pub fn open_preset(name_or_path: &str) -> Result<Document, ConfigError> {
     Ok(document)
 }
 
+/// A bare gait of a robot as a task: the default preset lends its protocol, and has nothing else to say.
+///
+/// # Errors
+/// As [`open_preset`].
+pub fn bare_gait(robot: &str, prior: &str) -> Result<Document, ConfigError> {
+    let mut document = open_preset(DEFAULT_PRESET)?;
+    document.set_string("robot", robot);
+    document.set_string("policy.prior", prior);
+    // Without a policy there is nothing to change: no range has to hold the gait's own numbers.
+    document.set("policy.modulation", "direct");
+    document.set("policy.authority", "1");
+    document.set("policy.symmetric", "false");
+    Ok(document)
+}
+
 /// A configuration whose parts have met: the robot is loaded, the task is put together.
 #[derive(Clone, Debug)]
 pub struct Resolved {

@@ -49,7 +49,9 @@ pub struct TrainingEnvironment {
     seed: u64,
     /// Its number among how many.
     place: (u64, u64),
-    /// Number of the next episode; with seed and index it selects the random start.
+    /// Purpose and row of its random starts; with seed and number of the episode they select one.
+    starts: (Purpose, u64),
+    /// Number of the next episode.
     next_episode: u64,
     /// How hard its next episode is, from 0 to 1, see [`next_level`]; 1 without a curriculum.
     level: f64,
@@ -74,6 +76,7 @@ impl TrainingEnvironment {
             env: Env::new(task),
             seed,
             place,
+            starts: (Purpose::Reset, index),
             next_episode: 0,
             level,
             is_reflected: false,
@@ -82,6 +85,12 @@ impl TrainingEnvironment {
             recorder: Recorder::default(),
             blow_up: None,
         }
+    }
+
+    /// An environment that starts as the episode `number` of an evaluation with this seed does, then as the one after it,
+    /// and so on. Nothing varies. `task` is [`evaluation_task`](crate::evaluate::evaluation_task)'s.
+    pub fn of_evaluation(task: Arc<Task>, seed: u64, number: u64) -> Self {
+        Self { starts: (Purpose::Evaluation, 0), next_episode: number, ..Self::new(task, seed, 0, 1) }
     }
 
     /// How hard its next episode is, from 0 to 1; none without a curriculum.
@@ -142,9 +151,10 @@ impl Environment for TrainingEnvironment {
 
     fn reset(&mut self, observation: &mut [f32]) {
         let (index, num_environments) = self.place;
-        let mut rng = stream(self.seed, Purpose::Reset, index, self.next_episode);
+        let (purpose, row) = self.starts;
+        let mut rng = stream(self.seed, purpose, row, self.next_episode);
         self.next_episode += 1;
-        if self.env.task().variation.is_any() {
+        if self.env.task().variation.is_any() && purpose == Purpose::Reset {
             let place = (index as f64 + uniform(&mut rng)) / num_environments as f64;
             self.env.vary(Variant { place, level: self.level });
         }

@@ -235,7 +235,7 @@ pub fn watch_episodes<W: Watcher>(
 ///
 /// # Panics
 /// If the physics step does not divide the control step.
-pub(crate) fn evaluation_task(task: &Task, settings: &EvaluationSettings) -> Arc<Task> {
+pub fn evaluation_task(task: &Task, settings: &EvaluationSettings) -> Arc<Task> {
     let task = task.clone().with_physics_dt_s(settings.physics_dt_s);
     let mut task = task.expect("checked when the configuration was read");
     task.settings.goal_distance_m = None;

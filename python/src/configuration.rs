@@ -1,11 +1,10 @@
 //! Configurations: a preset, a file, or a run's, with values put over it.
 
 use std::path::{Path, PathBuf};
-use std::process::Command;
 use std::sync::OnceLock;
 
 use canter_sim::built_in_robots;
-use canter_sim::robot::set_model_guard;
+use canter_sim::robot::{guard, set_model_guard};
 use canter_sim::settings::Document;
 use canter_train::config::{self, Resolved, bare_gait, open_preset};
 use canter_train::run_directory::open_config;
@@ -73,21 +72,11 @@ static PROGRAM: OnceLock<PathBuf> = OnceLock::new();
 #[pyfunction]
 pub fn set_program(path: PathBuf) {
     if PROGRAM.set(path).is_ok() {
-        set_model_guard(try_in_a_process);
+        set_model_guard(model_guard);
     }
 }
 
-/// Whether MuJoCo can compile a model, found out in a process that limits its own time and memory; else what went wrong.
-fn try_in_a_process(model: &Path) -> Result<(), String> {
-    let program = PROGRAM.get().map(PathBuf::as_path).unwrap_or(Path::new("canter"));
-    let tried = Command::new(program).args(["compile-model", "--"]).arg(model).output();
-    let tried = tried.map_err(|error| format!("{}, which tries it, cannot be started: {error}", program.display()))?;
-    if tried.status.success() {
-        return Ok(());
-    }
-    let complaint = String::from_utf8_lossy(&tried.stderr);
-    match complaint.trim().trim_start_matches("error: ") {
-        "" => Err(format!("the process that tries it ended with {}", tried.status)),
-        complaint => Err(complaint.to_owned()),
-    }
+/// Tries a model with the program.
+fn model_guard(model: &Path) -> Result<(), String> {
+    guard::try_in_a_process(PROGRAM.get().map_or(Path::new("canter"), PathBuf::as_path), model)
 }

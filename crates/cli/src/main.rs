@@ -7,7 +7,6 @@ mod error;
 #[cfg(test)]
 #[path = "../../train/tests/common/fuzz.rs"]
 mod fuzz;
-mod guard;
 mod interrupt;
 mod output;
 mod progress;
@@ -21,7 +20,7 @@ use crate::args::{Cli, Command, RobotCommand};
 
 fn main() -> ExitCode {
     canter_sim::mujoco::set_fatal_handler(|message| output::complain(&format!("{}MuJoCo: {message}", output::ERROR)));
-    canter_sim::robot::set_model_guard(guard::model_guard);
+    canter_sim::robot::set_model_guard(commands::compile_model::model_guard);
     let result = match Cli::parse().command {
         Command::Train(args) => commands::train::train(&args),
         Command::Resume(args) => commands::train::resume(&args),

@@ -7,6 +7,7 @@
 mod check;
 pub mod checkup;
 pub mod draft;
+pub mod guard;
 mod screen;
 mod settings;
 pub mod table;
@@ -318,7 +319,7 @@ static MODEL_GUARD: OnceLock<ModelGuard> = OnceLock::new();
 /// Has every user's model tried by `guard` from now on; a second call changes nothing.
 ///
 /// MuJoCo compiles whatever a file asks for: it may take minutes and gigabytes, or crash. A program that must survive
-/// that gives a guard which calls [`try_model`] in a process with limits. Without a guard models are compiled directly.
+/// that gives a guard which calls [`try_model`] in a process with limits: [`guard::try_in_a_process`]. Without a guard models are compiled directly.
 pub fn set_model_guard(guard: ModelGuard) {
     // The first guard stays.
     let _ = MODEL_GUARD.set(guard);

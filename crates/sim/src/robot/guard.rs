@@ -1,10 +1,11 @@
 //! Tries a user's model in a process of its own, with limits, before this process compiles it.
 //!
-//! MuJoCo has no limits: a model can take minutes and gigabytes, or crash it. The hidden command `compile-model` limits
-//! itself and compiles; [`model_guard`] starts it and puts into words how it ended.
+//! MuJoCo has no limits: a model can take minutes and gigabytes, or crash it. The hidden command `compile-model` of the
+//! program `canter` limits itself ([`limit_this_process`]) and compiles; [`try_in_a_process`] starts it and puts into words
+//! how it ended.
 
 use std::io::Read;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{Command, ExitStatus, Stdio};
 use std::sync::mpsc;
 use std::thread;
@@ -13,8 +14,8 @@ use std::time::Duration;
 #[cfg(unix)]
 use rustix::process::Signal;
 
-use crate::error::FAILURE;
-use crate::output::ERROR;
+/// Exit code with which the process refuses a model, and what its complaint begins with.
+const REFUSED: (i32, &str) = (1, "error: ");
 
 /// Processor time in which a model has to be compiled [s]; a large one takes one second.
 const CPU_LIMIT_S: u64 = 20;
@@ -35,12 +36,15 @@ const OUT_OF_MEMORY: [&str; 4] = ["bad_alloc", "ould not allocate", "ailed to al
 #[cfg(unix)]
 const CRASHES: [Signal; 5] = [Signal::ILL, Signal::ABORT, Signal::BUS, Signal::FPE, Signal::SEGV];
 
-/// Whether MuJoCo can compile the model; else in words what went wrong.
-pub fn model_guard(path: &Path) -> Result<(), String> {
+/// Whether MuJoCo can compile the model, found out by the program `canter` at the path `program`.
+///
+/// # Errors
+/// What went wrong, in words that a [`ModelGuard`](super::ModelGuard) gives.
+pub fn try_in_a_process(program: &Path, model: &Path) -> Result<(), String> {
     let cannot = |error: std::io::Error| format!("the process that tries it cannot be started: {error}");
-    let mut child = Command::new(this_program().map_err(cannot)?)
+    let mut child = Command::new(program)
         .args(["compile-model", "--"])
-        .arg(path)
+        .arg(model)
         .stdin(Stdio::null())
         .stdout(Stdio::null())
         .stderr(Stdio::piped())
@@ -64,11 +68,6 @@ pub fn model_guard(path: &Path) -> Result<(), String> {
     complaint.map_err(|_| too_long(WALL_LIMIT_S, "time")).and_then(|complaint| verdict(status, &complaint))
 }
 
-/// This program's file, even after another has taken its place.
-fn this_program() -> std::io::Result<PathBuf> {
-    if cfg!(target_os = "linux") { Ok(PathBuf::from("/proc/self/exe")) } else { std::env::current_exe() }
-}
-
 fn too_long(limit_s: u64, what: &str) -> String {
     format!("compiling it takes more than {limit_s} s of {what}; make its meshes smaller or its parts fewer")
 }
@@ -84,8 +83,9 @@ fn verdict(status: ExitStatus, complaint: &str) -> Result<(), String> {
              parts fewer"
         ));
     }
-    if status.code() == Some(FAILURE.into()) {
-        return Err(complaint.trim().trim_start_matches(ERROR).to_owned());
+    let (code, beginning) = REFUSED;
+    if status.code() == Some(code) {
+        return Err(complaint.trim().trim_start_matches(beginning).to_owned());
     }
     #[cfg(unix)]
     if let Some(signal) = std::os::unix::process::ExitStatusExt::signal(&status) {

@@ -161,8 +161,7 @@ impl Environments {
                 slot.step(&actions[i * num_actions..(i + 1) * num_actions], same_step);
             });
             let steps: Vec<SlotStep> = slots.iter().map(|slot| slot.step).collect();
-            let last_observations: Vec<f32> =
-                slots.iter().flat_map(|slot| slot.last_observation.iter().copied()).collect();
+            let last_observations = same_step.then(|| rows(slots, |slot| &slot.last_observation));
             (batch.observations(), last_observations, steps)
         });
         pass_warnings_on(py)?;
@@ -177,7 +176,7 @@ impl Environments {
         results.0.copy_from_slice(py, &observations)?;
         results.1.copy_from_slice(py, &numbers)?;
         results.2.copy_from_slice(py, &flags)?;
-        if same_step {
+        if let Some(last_observations) = last_observations {
             results.3.copy_from_slice(py, &last_observations)?;
         }
         Ok(steps.iter().enumerate().filter_map(|(i, step)| Some((i, accident(&step.travel)?))).collect())
@@ -234,7 +233,7 @@ impl Environments {
     /// Env steps of an episode before an evaluation counts.
     #[getter]
     fn settle_steps(&self) -> u32 {
-        (self.resolved.config.evaluation.settle_s / self.control_dt_s()).round() as u32
+        self.resolved.task.settings.env_steps_until(self.resolved.config.evaluation.settle_s)
     }
 }
 
@@ -259,8 +258,13 @@ impl Environments {
 impl Batch {
     /// All observations, `(N x O)`.
     fn observations(&self) -> Vec<f32> {
-        self.slots.iter().flat_map(|slot| slot.observation.iter().copied()).collect()
+        rows(&self.slots, |slot| &slot.observation)
     }
+}
+
+/// An array of each environment's, `(O)`, one after the other.
+fn rows(slots: &[Slot], row: fn(&Slot) -> &[f32]) -> Vec<f32> {
+    slots.iter().flat_map(row).copied().collect()
 }
 
 impl Slot {

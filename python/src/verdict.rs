@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use canter_train::evaluate;
 use canter_train::executor::Workers;
 use canter_train::policy_file::PolicyFile;
-use canter_train::run_directory::{RunError, policy_path, read_policy};
+use canter_train::run_directory::read_policy_for;
 use pyo3::prelude::*;
 
 use crate::configuration::Configuration;
@@ -21,13 +21,7 @@ pub fn judge(
     threads: Option<usize>,
 ) -> PyResult<String> {
     let resolved = configuration.resolve()?;
-    let policy = run.map(|run| {
-        let policy = read_policy(&run)?;
-        let mismatch = |source| RunError::Policy { path: policy_path(&run), source };
-        policy.check(&resolved.task).map_err(mismatch)?;
-        Ok(policy)
-    });
-    let policy = policy.transpose().map_err(errors::of_run)?;
+    let policy = run.map(|run| read_policy_for(&run, &resolved.task)).transpose().map_err(errors::of_run)?;
     let workers = Workers::new(threads).map_err(errors::of_threads)?;
     let verdict = py.detach(|| {
         let policy = policy.as_ref().map(PolicyFile::policy);

@@ -174,6 +174,13 @@ impl BlockChoice {
     }
 }
 
+impl TaskSettings {
+    /// Control steps until a time in an episode [s].
+    pub fn env_steps_until(&self, time_s: f64) -> u32 {
+        (time_s / self.control_dt_s).round() as u32
+    }
+}
+
 /// A robot and all that is asked of it; many environments share one.
 #[derive(Clone, Debug)]
 pub struct Task {
@@ -308,7 +315,7 @@ impl Task {
             },
             scale: RewardScale { leg_length_m, lift_energy_j },
             num_substeps,
-            max_env_steps: (settings.episode_s / settings.control_dt_s).round().max(1.0) as u32,
+            max_env_steps: settings.env_steps_until(settings.episode_s).max(1),
             stride_frequency_hz: gait.stride_frequency_hz,
             legs: gait.legs.clone(),
             law: ActionLaw { modulation, authority: policy.authority as f32, ranges, residual_bound_rad },

@@ -254,7 +254,6 @@ pub(crate) fn run_episode(
 ) -> Episode {
     let task = env.task().clone();
     let Conditions { settings, starts, push } = conditions;
-    let steps_until = |time_s: f64| (time_s / task.settings.control_dt_s).round() as u32;
     let mut rng = stream(settings.seed, starts.purpose, starts.row, starts.first + number);
     let mut observation = vec![0.0; task.num_observations()];
     let mut action = vec![0.0; task.num_actions()];
@@ -269,8 +268,8 @@ pub(crate) fn run_episode(
     env.reset(&mut || uniform(&mut rng), &mut observation);
     let start_heading = env.heading_rad();
     let (mut end, mut end_heading) = (env.position_in_ground(), start_heading);
-    let settle_steps = steps_until(settings.settle_s);
-    let push = push.map(|push| (steps_until(push.at_s), push.velocity_m_per_s));
+    let settle_steps = task.settings.env_steps_until(settings.settle_s);
+    let push = push.map(|push| (task.settings.env_steps_until(push.at_s), push.velocity_m_per_s));
     let mut settled = None;
     let (mut heights, mut ways_m, mut contacts) = (Vec::new(), Vec::new(), Vec::new());
     let mut feet = vec![false; task.robot.legs.len()];

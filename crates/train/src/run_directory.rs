@@ -4,6 +4,7 @@ use std::fs::{self, File, OpenOptions, TryLockError};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
+use canter_sim::Task;
 use canter_sim::file;
 use canter_sim::settings::{Document, write_commented};
 
@@ -361,6 +362,16 @@ pub fn read_policy(run: &Path) -> Result<PolicyFile, RunError> {
     }
     let bytes = read_file(&path).map_err(|source| io_error(&path, source))?;
     PolicyFile::from_bytes(&bytes).map_err(|source| RunError::Policy { path, source })
+}
+
+/// The policy of a run, which has to be one for this task.
+///
+/// # Errors
+/// No policy there yet, one that cannot be used, or one for another task.
+pub fn read_policy_for(run: &Path, task: &Task) -> Result<PolicyFile, RunError> {
+    let policy = read_policy(run)?;
+    policy.check(task).map_err(|source| RunError::Policy { path: policy_path(run), source })?;
+    Ok(policy)
 }
 
 /// What a run's `eval.json` says, as far as it can be read; none if the run was never judged.

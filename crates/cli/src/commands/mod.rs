@@ -25,7 +25,7 @@ use canter_sim::settings::Document;
 use canter_train::config::{Resolved, bare_gait, resolve};
 use canter_train::executor::Workers;
 use canter_train::policy_file::PolicyFile;
-use canter_train::run_directory::{RunError, open_config, policy_path, read_policy};
+use canter_train::run_directory::{open_config, read_policy_for};
 
 use crate::error::CliError;
 
@@ -37,8 +37,7 @@ fn workers(num_threads: Option<u16>) -> Result<Workers, CliError> {
 /// A run's policy and what it is for, with values that were typed put into the configuration.
 fn learned(run: &Path, with_overrides: impl FnOnce(Document) -> Document) -> Result<(Resolved, PolicyFile), CliError> {
     let resolved = resolve(&with_overrides(open_config(run)?))?;
-    let policy = read_policy(run)?;
-    policy.check(&resolved.task).map_err(|source| RunError::Policy { path: policy_path(run), source })?;
+    let policy = read_policy_for(run, &resolved.task)?;
     Ok((resolved, policy))
 }
 

@@ -6,12 +6,12 @@ mod common;
 use std::fs::File;
 use std::io::{BufRead, BufReader, Write};
 use std::path::Path;
-use std::process::Stdio;
+use std::process::{Child, Command, Stdio};
 
 use canter_export::protocol::parse_targets;
 use canter_sim::Env;
 use canter_train::run_directory::read_config;
-use common::{TINY, TemporaryFolder, canter_in};
+use common::{TemporaryFolder, canter_in, train_args};
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 use rustix::termios::{OptionalActions, tcgetattr, tcsetattr};
 
@@ -97,18 +97,34 @@ impl Robot {
     }
 }
 
+/// A tiny training in `run`.
+fn train(folder: &TemporaryFolder, further: &[&str]) {
+    folder.canter(&train_args(&[&["--out", "run"], further].concat())).succeeded();
+}
+
+fn spawn(canter: &mut Command) -> Child {
+    canter.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap()
+}
+
+/// A robot on one side of a pseudo-terminal, `canter run` with a trained run on the other.
+fn connected(folder: &TemporaryFolder) -> (Robot, Child) {
+    train(folder, &["--set", "policy.authority=0.2"]);
+    let (robot, port) = Robot::new(&folder.join("run"));
+    (robot, spawn(&mut canter_in(folder.path(), &["run", "run", "--port", &port])))
+}
+
+/// What a `canter run` that fails says.
+fn failed(canter: Child) -> String {
+    let output = canter.wait_with_output().unwrap();
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(1), "{said}");
+    said
+}
+
 #[test]
 fn a_simulated_robot_walks_holds_and_stops_over_a_pseudo_terminal() {
     let folder = TemporaryFolder::new();
-    let mut train = vec!["train", "--out", "run", "--set", "policy.authority=0.2"];
-    train.extend(TINY);
-    folder.canter(&train).succeeded();
-    let (mut robot, port) = Robot::new(&folder.join("run"));
-    let mut canter = canter_in(folder.path(), &["run", "run", "--port", &port])
-        .stdout(Stdio::piped())
-        .stderr(Stdio::piped())
-        .spawn()
-        .unwrap();
+    let (mut robot, mut canter) = connected(&folder);
     assert_eq!(robot.hear().trim_end(), "canter 1 motors 8 control_dt_s 0.01");
     // No readings yet: no targets.
     assert_eq!(robot.hear(), "waiting\n");
@@ -157,17 +173,9 @@ fn a_simulated_robot_walks_holds_and_stops_over_a_pseudo_terminal() {
     assert!(status.success(), "{status}");
 }
 
-/// A trained run and `canter run` on one side of a pseudo-terminal, a robot that walks on the other.
-fn walking(folder: &TemporaryFolder) -> (Robot, std::process::Child) {
-    let mut train = vec!["train", "--out", "run", "--set", "policy.authority=0.2"];
-    train.extend(TINY);
-    folder.canter(&train).succeeded();
-    let (mut robot, port) = Robot::new(&folder.join("run"));
-    let canter = canter_in(folder.path(), &["run", "run", "--port", &port])
-        .stdout(Stdio::piped())
-        .stderr(Stdio::piped())
-        .spawn()
-        .unwrap();
+/// As [`connected`], and the robot walks.
+fn walking(folder: &TemporaryFolder) -> (Robot, Child) {
+    let (mut robot, canter) = connected(folder);
     robot.hear();
     robot.first_targets();
     robot.send_readings();
@@ -195,9 +203,7 @@ fn a_robot_that_cannot_be_brought_to_a_stand_is_an_error() {
     let (mut robot, canter) = walking(&folder);
     robot.say("quit");
     robot.until("holding", false);
-    let output = canter.wait_with_output().unwrap();
-    let said = String::from_utf8_lossy(&output.stderr).into_owned();
-    assert_eq!(output.status.code(), Some(1), "{said}");
+    let said = failed(canter);
     assert!(said.contains("no readings came before the robot stood"), "{said}");
 }
 
@@ -206,18 +212,14 @@ fn a_cable_that_comes_off_is_an_error() {
     let folder = TemporaryFolder::new();
     let (robot, canter) = walking(&folder);
     drop(robot);
-    let output = canter.wait_with_output().unwrap();
-    let said = String::from_utf8_lossy(&output.stderr).into_owned();
-    assert_eq!(output.status.code(), Some(1), "{said}");
+    let said = failed(canter);
     assert!(said.contains("before the robot stood: it is left in the pose of its last targets"), "{said}");
 }
 
 #[test]
 fn without_a_port_it_speaks_over_standard_input_and_output() {
     let folder = TemporaryFolder::new();
-    let mut train = vec!["train", "--out", "run"];
-    train.extend(TINY);
-    folder.canter(&train).succeeded();
+    train(&folder, &[]);
     // The other side ends at once, and nothing was asked of the robot.
     let said = folder.canter(&["run", "run"]).succeeded();
     let (greeting, waiting) = said.split_once('\n').unwrap();
@@ -230,15 +232,8 @@ fn without_a_port_it_speaks_over_standard_input_and_output() {
 #[test]
 fn an_input_that_ends_in_mid_stride_is_an_error() {
     let folder = TemporaryFolder::new();
-    let mut train = vec!["train", "--out", "run"];
-    train.extend(TINY);
-    folder.canter(&train).succeeded();
-    let mut canter = canter_in(folder.path(), &["run", "run"])
-        .stdin(Stdio::piped())
-        .stdout(Stdio::piped())
-        .stderr(Stdio::piped())
-        .spawn()
-        .unwrap();
+    train(&folder, &[]);
+    let mut canter = spawn(canter_in(folder.path(), &["run", "run"]).stdin(Stdio::piped()));
     let mut robot = canter.stdin.take().unwrap();
     let mut said = BufReader::new(canter.stdout.take().unwrap()).lines();
     // Legs that are half a radian from where they stand, and time to begin with one step of the way.
@@ -261,8 +256,6 @@ fn an_input_that_ends_in_mid_stride_is_an_error() {
     drop(robot);
     let rest: Vec<String> = said.map(Result::unwrap).collect();
     assert!(rest.last().is_some_and(|line| line.starts_with("targets holding")), "{rest:?}");
-    let output = canter.wait_with_output().unwrap();
-    let said = String::from_utf8_lossy(&output.stderr).into_owned();
-    assert_eq!(output.status.code(), Some(1), "{said}");
+    let said = failed(canter);
     assert!(said.contains("the input ended before the robot stood"), "{said}");
 }

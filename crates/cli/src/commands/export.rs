@@ -46,49 +46,44 @@ pub fn export(args: &ExportArgs) -> Result<ExitCode, CliError> {
         write_file(&measured_path(&args.run), format!("{measured:#}\n").as_bytes())?;
         Ok::<_, CliError>(certificate)
     };
-    match (args.format, &average) {
-        (ExportFormat::C, _) => write(&folder, of_c(&exported), &permitted(args, &folder, replay(name, None)?)?, "")?,
-        (ExportFormat::Onnx, _) => {
-            let models = [("policy.onnx", onnx::export(&exported)), ("start.onnx", onnx::export_start(&exported))];
-            let files = models.into_iter().chain([("run_policy.py", onnx::RUNNER.into())]);
-            let files = files.map(|(path, content)| (path.to_owned(), content)).collect();
-            write(&folder, files, &permitted(args, &folder, replay(name, None)?)?, "")?;
-        }
+    let nearest;
+    let (files, open_loop): (Files, _) = match (args.format, &average) {
+        (ExportFormat::C, _) => (of_c(&exported), None),
+        (ExportFormat::Onnx, _) => (of_onnx(&exported), None),
         (ExportFormat::Rust, _) => {
             let files = rust::export(&exported).into_iter().map(|(path, content)| (path, content.into_bytes()));
-            write(&folder, files.collect(), &permitted(args, &folder, replay(name, None)?)?, "")?;
+            (files.collect(), None)
         }
-        (ExportFormat::Table, Some(average)) => {
-            let csv = |of_spread| average.to_csv(&exported, of_spread).into_bytes();
-            let gait = table::toml(average).into_bytes();
-            let files = [("gait.csv", csv(false)), ("spread.csv", csv(true)), ("gait.toml", gait)];
-            let files = files.map(|(path, content)| (path.to_owned(), content));
-            write(&folder, files.into(), &permitted(args, &folder, replay(name, Some(average))?)?, "")?;
-        }
+        (ExportFormat::Table, Some(average)) => (of_table(&exported, average), Some(average)),
         (ExportFormat::Gait, Some(average)) => {
-            let nearest = fitted::fit(&exported, average, None).map_err(CliError::NoFit)?;
-            let certificate = permitted(args, &folder, replay(name, Some(&nearest.open_loop))?)?;
-            // Those of an earlier export must not lie beside this one's gait.
-            for file in FIRMWARE {
-                remove_file(&folder.join(file))?;
-            }
-            write(&folder, vec![("gait.toml".to_owned(), fitted::toml(&nearest).into_bytes())], &certificate, "")?;
-            let stepping = fitted::fit(&exported, average, Some(Shape::Stepping)).ok();
-            let of_firmware = stepping.and_then(|gait| Some((fitted::firmware_commands(&exported, &gait)?, gait)));
-            if let Some((commands, gait)) = of_firmware {
-                let certificate = replay("firmware", Some(&gait.open_loop))?;
-                if certificate.passed || args.allow_unsafe {
-                    let files = vec![("firmware.txt".to_owned(), commands.into_bytes())];
-                    write(&folder, files, &permitted(args, &folder, certificate)?, "firmware-")?;
-                } else {
-                    let broken = describe(&certificate).join("\n");
-                    complain(&format!(
-                        "firmware.txt is left out, for as commands of the firmware the gait breaks:\n{broken}"
-                    ));
-                }
-            }
+            nearest = fitted::fit(&exported, average, None).map_err(CliError::NoFit)?;
+            (vec![("gait.toml".to_owned(), fitted::toml(&nearest).into_bytes())], Some(&nearest.open_loop))
         }
         (ExportFormat::Table | ExportFormat::Gait, None) => unreachable!("it was averaged above"),
+    };
+    let certificate = permitted(args, &folder, replay(name, open_loop)?)?;
+    if args.format == ExportFormat::Gait {
+        // Those of an earlier export must not lie beside this one's gait.
+        for file in FIRMWARE {
+            remove_file(&folder.join(file))?;
+        }
+    }
+    write(&folder, files, &certificate, "")?;
+    if let (ExportFormat::Gait, Some(average)) = (args.format, &average) {
+        let stepping = fitted::fit(&exported, average, Some(Shape::Stepping)).ok();
+        let of_firmware = stepping.and_then(|gait| Some((fitted::firmware_commands(&exported, &gait)?, gait)));
+        if let Some((commands, gait)) = of_firmware {
+            let certificate = replay("firmware", Some(&gait.open_loop))?;
+            if certificate.passed || args.allow_unsafe {
+                let files = vec![("firmware.txt".to_owned(), commands.into_bytes())];
+                write(&folder, files, &permitted(args, &folder, certificate)?, "firmware-")?;
+            } else {
+                let broken = describe(&certificate).join("\n");
+                complain(&format!(
+                    "firmware.txt is left out, for as commands of the firmware the gait breaks:\n{broken}"
+                ));
+            }
+        }
     }
     say(&format!("Written:  {}", folder.display()));
     if average.is_some() {
@@ -141,6 +136,20 @@ fn format_name(format: ExportFormat) -> &'static str {
         ExportFormat::Table => "table",
         ExportFormat::Gait => "gait",
     }
+}
+
+fn of_onnx(exported: &Exported<'_>) -> Files {
+    let models = [("policy.onnx", onnx::export(exported)), ("start.onnx", onnx::export_start(exported))];
+    let files = models.into_iter().chain([("run_policy.py", onnx::RUNNER.into())]);
+    files.map(|(path, content)| (path.to_owned(), content)).collect()
+}
+
+fn of_table(exported: &Exported<'_>, average: &OpenLoop) -> Files {
+    let csv = |of_spread| average.to_csv(exported, of_spread).into_bytes();
+    let gait = table::toml(average).into_bytes();
+    [("gait.csv", csv(false)), ("spread.csv", csv(true)), ("gait.toml", gait)]
+        .map(|(path, content)| (path.to_owned(), content))
+        .into()
 }
 
 fn of_c(exported: &Exported<'_>) -> Files {

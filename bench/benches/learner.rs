@@ -7,6 +7,7 @@ use canter_gait::{Network, Policy};
 use canter_learn::adam::Adam;
 use canter_learn::advantage::{compute_values, estimate_advantages};
 use canter_learn::collect::{CollectorState, PolicyView, collect_column};
+use canter_learn::communicator::Alone;
 use canter_learn::executor::Serial;
 use canter_learn::normaliser::Normaliser;
 use canter_learn::policy::ActorCritic;
@@ -72,8 +73,9 @@ fn gae(criterion: &mut Criterion) {
     let resolved = preset();
     let mut rollout = collected(&resolved);
     let ppo = &resolved.config.ppo;
+    let mut columns: Vec<_> = rollout.columns_mut().collect();
     criterion.bench_function("gae", |bencher| {
-        bencher.iter(|| estimate_advantages(black_box(&mut rollout), ppo.gamma, ppo.gae_lambda));
+        bencher.iter(|| estimate_advantages(black_box(&mut columns), ppo.gamma, ppo.gae_lambda));
     });
 }
 
@@ -85,7 +87,14 @@ fn ppo_update(criterion: &mut Criterion) {
     let settings = resolved.config.ppo.settings();
     let adam = Adam::new(model.num_parameters(), settings.learning_rate);
     let mut workspace = PpoWorkspace::new(&model, &settings, rollout.num_samples());
-    let context = UpdateContext { model: &model, settings: &settings, executor: &Serial, seed: 1, iteration: 0 };
+    let context = UpdateContext {
+        model: &model,
+        settings: &settings,
+        executor: &Serial,
+        communicator: &Alone,
+        seed: 1,
+        iteration: 0,
+    };
     let mut group = criterion.benchmark_group("learner");
     group.sample_size(10);
     group.bench_function("ppo_update", |bencher| {
@@ -121,7 +130,8 @@ fn collected(resolved: &Resolved) -> Rollout {
         let mut rng = stream(config.seed, Purpose::Exploration, index, 0);
         collect_column(&mut environment, &policy, &mut column, &mut collector, &mut rng);
     }
-    compute_values(&mut rollout, &model, &parameters, &Serial);
-    estimate_advantages(&mut rollout, config.ppo.gamma, config.ppo.gae_lambda);
+    let mut columns: Vec<_> = rollout.columns_mut().collect();
+    compute_values(&mut columns, &model, &parameters, &Serial);
+    estimate_advantages(&mut columns, config.ppo.gamma, config.ppo.gae_lambda);
     rollout
 }

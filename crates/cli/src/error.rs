@@ -14,9 +14,12 @@ use canter_train::film::FilmError;
 use canter_train::gait_fit::FitError;
 use canter_train::jobs::JobsError;
 use canter_train::policy_file::PolicyError;
+use canter_train::ranks::RanksError;
 use canter_train::run::TrainError;
 use canter_train::run_directory::RunError;
 use canter_train::sweep::SweepError;
+#[cfg(feature = "mpi")]
+use canter_train::world::WorldError;
 
 /// Exit code of a failure with a message.
 pub const FAILURE: u8 = 1;
@@ -109,6 +112,19 @@ pub enum CliError {
     Drafted(String),
     #[error("cannot limit time and memory: {0}")]
     Limits(std::io::Error),
+    #[error(
+        "mpirun has started {num_ranks} copies of this canter, which was built without MPI and would train {num_ranks} times \
+         the same. Build it with `cargo build --release --package canter --features mpi` and start `mpirun -n {num_ranks} \
+         target/release/canter ...` again; or leave mpirun out: one canter uses all cores of a machine"
+    )]
+    NoMpi { num_ranks: usize },
+    #[error("mpirun has started {0} copies, but only `train`, `resume` and `compare` work together; leave mpirun out")]
+    OneProcess(usize),
+    #[cfg(feature = "mpi")]
+    #[error(transparent)]
+    World(#[from] WorldError),
+    #[error(transparent)]
+    Ranks(#[from] RanksError),
     #[error("cannot start the worker threads: {0}")]
     Threads(std::io::Error),
     #[error("cannot listen for Ctrl-C: {0}")]

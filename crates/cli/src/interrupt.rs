@@ -20,7 +20,7 @@ pub struct Interrupt {
 }
 
 impl Interrupt {
-    /// Listens from now on; the first signal says `notice`.
+    /// Listens from now on; the first signal says `notice`, if that is not empty.
     ///
     /// # Errors
     /// The system's, if signals cannot be listened to.
@@ -31,7 +31,9 @@ impl Interrupt {
             if shared.is_saved.load(Ordering::Relaxed) || shared.stop.swap(true, Ordering::Relaxed) {
                 std::process::exit(i32::from(STOPPED));
             }
-            complain(notice);
+            if !notice.is_empty() {
+                complain(notice);
+            }
         })?;
         Ok(interrupt)
     }

@@ -4,7 +4,7 @@ use crate::executor::{Executor, for_each_mut};
 use crate::network::Activations;
 use crate::policy::ActorCritic;
 use crate::real::Real;
-use crate::rollout::{Rollout, RolloutColumn};
+use crate::rollout::RolloutColumn;
 
 /// Rows that go through the critic at once: the hidden layers of a block stay in the second-level cache.
 const BLOCK_ROWS: usize = 128;
@@ -73,23 +73,31 @@ impl<T> Steps<'_, T> {
     }
 }
 
-/// Writes the critic's `values` and `next_values` of the whole rollout, environments side by side.
+/// Writes the critic's `values` and `next_values` of these environments, side by side.
 ///
 /// The value after a time limit is that of the episode's last observation; after an accident it is 0.
 ///
 /// # Panics
-/// If the parameters or the rollout do not fit the model.
-pub fn compute_values(rollout: &mut Rollout, model: &ActorCritic, parameters: &[f32], executor: &dyn Executor) {
-    assert_eq!(rollout.num_observations(), model.num_observations(), "observations of the rollout and of the critic");
+/// If the parameters or the columns do not fit the model.
+pub fn compute_values(
+    columns: &mut [RolloutColumn<'_>],
+    model: &ActorCritic,
+    parameters: &[f32],
+    executor: &dyn Executor,
+) {
     let critic_parameters = model.split(parameters).critic;
-    let mut columns: Vec<RolloutColumn<'_>> = rollout.columns_mut().collect();
-    for_each_mut(executor, &mut columns, |_, column| compute_column_values(column, model, critic_parameters));
+    for_each_mut(executor, columns, |_, column| compute_column_values(column, model, critic_parameters));
 }
 
 fn compute_column_values(column: &mut RolloutColumn<'_>, model: &ActorCritic, critic_parameters: &[f32]) {
     let critic = model.batched_critic();
     let num_observations = critic.shape.input;
     let num_steps = column.rewards.len();
+    assert_eq!(
+        column.observations.len(),
+        num_steps * num_observations,
+        "observations of the rollout and of the critic"
+    );
     let mut activations = Activations::new(critic.shape, BLOCK_ROWS.min(num_steps));
     let block_len = BLOCK_ROWS.min(num_steps) * num_observations;
     for (rows, values) in column.observations.chunks(block_len).zip(column.values.chunks_mut(BLOCK_ROWS)) {
@@ -117,15 +125,15 @@ fn compute_column_values(column: &mut RolloutColumn<'_>, model: &ActorCritic, cr
     }
 }
 
-/// Writes `advantages` and `returns` of the whole rollout; its values must be there.
+/// Writes `advantages` and `returns` of these environments; their values must be there.
 ///
 /// ```text
 /// returns = advantages + values
 /// ```
 ///
 /// Source: Schulman et al. 2016, eq. 16; the critic's target is the lambda-return, as in Schulman et al. 2017.
-pub fn estimate_advantages(rollout: &mut Rollout, gamma: f64, gae_lambda: f64) {
-    for column in rollout.columns_mut() {
+pub fn estimate_advantages(columns: &mut [RolloutColumn<'_>], gamma: f64, gae_lambda: f64) {
+    for column in columns {
         let steps = Steps {
             rewards: &*column.rewards,
             values: &*column.values,

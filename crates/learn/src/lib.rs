@@ -23,10 +23,13 @@
 //!    - the gradient's limit: [`ppo::limit_norm`]; the step: [`adam::Adam::step`]; the learning rate:
 //!      [`ppo::adapted_learning_rate`]
 //!
+//! Several processes can do this together ([`communicator`]): each collects with environments of its own and computes
+//! its own part of every gradient.
+//!
 //! Every gradient is written by hand for `f32` and `f64` alike ([`real::Real`]); tests hold the `f64` one to central
 //! differences. The crate starts no thread, reads no clock or file and prints nothing: its caller brings the threads
 //! ([`executor::Executor`]). Each random number belongs to a stream named by four numbers ([`random::stream`]), and
-//! sums are added in a fixed order, so the same seed gives the same bytes on any number of threads.
+//! sums are added in a fixed order, so the same seed gives the same bytes on any number of threads and processes.
 //!
 //! Source: Hu et al., "Learning a Faster Locomotion Gait for a Quadruped Robot with Model-Free Deep Reinforcement
 //! Learning" (the paper), section II; Schulman et al. 2016 (GAE); Schulman et al. 2017 (PPO).
@@ -34,6 +37,7 @@
 pub mod adam;
 pub mod advantage;
 pub mod collect;
+pub mod communicator;
 pub mod environment;
 pub mod executor;
 pub mod gaussian;
@@ -56,6 +60,7 @@ pub use advantage::{compute_values, estimate_advantages};
 pub use collect::{
     CollectorState, EpisodeRecord, Forward, OngoingEpisode, PORTABLE_FORWARD, PolicyView, collect_column,
 };
+pub use communicator::{Alone, Communicator};
 pub use environment::{Environment, StepOutcome};
 pub use executor::{Executor, Serial, for_each_mut};
 pub use metrics::UpdateMetrics;

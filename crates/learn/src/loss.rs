@@ -10,6 +10,7 @@
 //!
 //! Source: Schulman et al. 2017, eq. 9, with the sign of a loss.
 
+use crate::communicator::{Message, Received};
 use crate::gaussian::DiagonalGaussian;
 use crate::network::Activations;
 use crate::policy::ActorCritic;
@@ -146,6 +147,26 @@ impl LossSums {
         self.entropy += other.entropy;
         self.approx_kl += other.approx_kl;
         self.num_clipped += other.num_clipped;
+    }
+
+    /// Bytes of what `write` appends.
+    pub(crate) const NUM_BYTES: usize = 6 * 8;
+
+    /// Appends the sums, for other ranks.
+    pub(crate) fn write(&self, message: &mut Message) {
+        message.push_u64(self.num_samples as u64);
+        message.push_f64s(&[self.policy_loss, self.value_loss, self.entropy, self.approx_kl]);
+        message.push_u64(self.num_clipped as u64);
+    }
+
+    /// The sums that another rank wrote.
+    pub(crate) fn read(received: &mut Received<'_>) -> Self {
+        let num_samples = received.u64() as usize;
+        let mut sums = [0.0; 4];
+        received.f64s(&mut sums);
+        let [policy_loss, value_loss, entropy, approx_kl] = sums;
+        let num_clipped = received.u64() as usize;
+        Self { num_samples, policy_loss, value_loss, entropy, approx_kl, num_clipped }
     }
 
     /// The complete loss, still a sum.

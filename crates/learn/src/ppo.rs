@@ -2,6 +2,7 @@
 
 use crate::adam::Adam;
 use crate::advantage::normalise;
+use crate::communicator::{Communicator, Message, Received, own_part, part};
 use crate::executor::{Executor, Serial, for_each_mut};
 use crate::loss::LossSums;
 use crate::metrics::{MetricTotals, UpdateMetrics, explained_variance};
@@ -38,6 +39,8 @@ pub struct UpdateContext<'a> {
     pub settings: &'a PpoSettings,
     /// Where shards of a minibatch run; the result is the same for each.
     pub executor: &'a dyn Executor,
+    /// The ranks that share the shards of a minibatch, each with the same rollout; the result is the same for any number.
+    pub communicator: &'a dyn Communicator,
     /// The run's seed.
     pub seed: u64,
     /// Number of the iteration: with the seed it selects the shuffles.
@@ -130,6 +133,9 @@ pub struct PpoWorkspace {
     /// What the update began with, to go back to after a divergence: a copy costs less than one gradient step.
     initial_parameters: Vec<f32>,
     initial_adam: Adam,
+    /// Gradients of this rank's shards, and those of all ranks'.
+    message: Message,
+    received: Vec<u8>,
 }
 
 impl PpoWorkspace {
@@ -148,6 +154,8 @@ impl PpoWorkspace {
             advantages: vec![0.0; num_samples],
             initial_parameters: vec![0.0; model.num_parameters()],
             initial_adam: Adam::new(model.num_parameters(), settings.learning_rate),
+            message: Message::default(),
+            received: Vec::new(),
         }
     }
 }
@@ -155,7 +163,7 @@ impl PpoWorkspace {
 /// Improves the parameters by one rollout, whose advantages and returns must be there.
 ///
 /// Every pass visits every sample once, in an order of its own. A gradient is a sum over shards of fixed size, added in
-/// their order, so the bytes depend neither on the executor nor on its threads.
+/// their order, so the bytes depend neither on the executor and its threads nor on the number of ranks.
 ///
 /// # Errors
 /// [`Divergence`] if a loss or gradient is not finite; `parameters` and `adam` are then what they were.
@@ -263,11 +271,18 @@ fn minibatch_gradient(
     let advantages = &workspace.advantages;
     let num_shards = indices.len().div_ceil(MAX_ROWS);
     let shards = &mut workspace.shards[..num_shards];
-    let executor = if num_shards <= MAX_SERIAL_SHARDS { &Serial } else { context.executor };
-    for_each_mut(executor, shards, |i, shard| {
-        shard.gather(rollout, advantages, &indices[part(indices.len(), num_shards, i)]);
+    let num_ranks = context.communicator.num_ranks();
+    // One shard alone is computed by every rank: that takes no longer than to wait for the one that does.
+    let is_shared = num_ranks > 1 && num_shards > 1;
+    let own = if is_shared { own_part(context.communicator, num_shards) } else { 0..num_shards };
+    let executor = if own.len() <= MAX_SERIAL_SHARDS { &Serial } else { context.executor };
+    for_each_mut(executor, &mut shards[own.clone()], |i, shard| {
+        shard.gather(rollout, advantages, &indices[part(indices.len(), num_shards, own.start + i)]);
         shard.compute_gradient(context.model, parameters, context.settings);
     });
+    if is_shared {
+        share_gradients(shards, own, context.communicator, (&mut workspace.message, &mut workspace.received));
+    }
 
     let mut sums = LossSums::default();
     workspace.gradient.fill(0.0);
@@ -277,6 +292,27 @@ fn minibatch_gradient(
     }
     simd::scale(&mut workspace.gradient, 1.0 / indices.len() as f32);
     sums
+}
+
+/// Gives every rank the gradients of all shards, of which this one has computed its `own`.
+fn share_gradients(
+    shards: &mut [Shard],
+    own: Range<usize>,
+    communicator: &dyn Communicator,
+    (message, received): (&mut Message, &mut Vec<u8>),
+) {
+    let (num_ranks, shard_bytes) = (communicator.num_ranks(), shards[0].num_bytes());
+    message.clear();
+    shards[own.clone()].iter().for_each(|shard| shard.write(message));
+    let lengths: Vec<usize> =
+        (0..num_ranks).map(|rank| part(shards.len(), num_ranks, rank).len() * shard_bytes).collect();
+    received.resize(shards.len() * shard_bytes, 0);
+    communicator.all_gather(message.bytes(), &lengths, received);
+    for (i, (shard, bytes)) in shards.iter_mut().zip(received.chunks_exact(shard_bytes)).enumerate() {
+        if !own.contains(&i) {
+            shard.read(&mut Received::new(bytes));
+        }
+    }
 }
 
 /// Scales the gradient down to a norm of at most `max_norm` and returns the norm it had.
@@ -332,11 +368,6 @@ pub fn annealed_learning_rate(first: f64, last: f64, share: f64) -> f64 {
 fn num_minibatches(num_samples: usize, minibatch_size: usize) -> usize {
     assert!(num_samples > 0 && minibatch_size > 0, "a minibatch needs samples");
     ((num_samples + minibatch_size / 2) / minibatch_size).max(1)
-}
-
-/// The `index`-th of `count` parts of `0..len` whose sizes differ by at most one.
-fn part(len: usize, count: usize, index: usize) -> Range<usize> {
-    len * index / count..len * (index + 1) / count
 }
 
 #[cfg(test)]

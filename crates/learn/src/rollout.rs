@@ -1,5 +1,7 @@
 //! What one iteration collects: N environments, T steps each.
 
+use crate::communicator::{Message, Received};
+
 /// The samples of one iteration, environment by environment: sample n * T + t is step t of environment n.
 ///
 /// An environment's part of every array is contiguous, so each can be filled by its own thread.
@@ -59,6 +61,24 @@ pub struct RolloutColumn<'a> {
     pub advantages: &'a mut [f32],
     /// Targets of the critic, `(T)`.
     pub returns: &'a mut [f32],
+}
+
+impl RolloutColumn<'_> {
+    /// Appends what an update reads of this column, for other ranks: not where episodes end, nor `next_values`.
+    pub fn write(&self, message: &mut Message) {
+        let Self { observations, actions, log_probs, rewards, values, advantages, returns, .. } = self;
+        for numbers in [observations, actions, log_probs, rewards, values, advantages, returns] {
+            message.push_f32s(numbers);
+        }
+    }
+
+    /// Fills the column with what another rank wrote.
+    pub fn read(&mut self, received: &mut Received<'_>) {
+        let Self { observations, actions, log_probs, rewards, values, advantages, returns, .. } = self;
+        for numbers in [observations, actions, log_probs, rewards, values, advantages, returns] {
+            received.f32s(numbers);
+        }
+    }
 }
 
 impl Rollout {

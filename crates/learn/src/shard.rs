@@ -1,5 +1,6 @@
 //! A shard: the part of a minibatch whose gradient one thread computes.
 
+use crate::communicator::{Message, Received};
 use crate::loss::{LossSums, LossWorkspace, Samples, loss_and_gradient};
 use crate::policy::ActorCritic;
 use crate::rollout::Rollout;
@@ -59,6 +60,23 @@ impl Shard {
     /// Gradient of the samples' summed loss.
     pub(crate) fn gradient(&self) -> &[f32] {
         &self.workspace.d_loss_d_parameters
+    }
+
+    /// Bytes of what [`write`](Self::write) appends.
+    pub(crate) fn num_bytes(&self) -> usize {
+        LossSums::NUM_BYTES + size_of_val(self.gradient())
+    }
+
+    /// Appends gradient and sums, for the other ranks.
+    pub(crate) fn write(&self, message: &mut Message) {
+        self.sums.write(message);
+        message.push_f32s(self.gradient());
+    }
+
+    /// Takes over the gradient and the sums that another rank has computed.
+    pub(crate) fn read(&mut self, received: &mut Received<'_>) {
+        self.sums = LossSums::read(received);
+        received.f32s(&mut self.workspace.d_loss_d_parameters);
     }
 
     /// Sums of the samples' losses.

@@ -1,6 +1,7 @@
 //! A checkpoint: everything that the rest of a training depends on.
 
 use canter_learn::collect::{CollectorState, OngoingEpisode};
+use canter_learn::communicator::{Message, Received, exchange};
 use serde::{Deserialize, Serialize};
 
 use crate::environment::TrainingEnvironment;
@@ -53,7 +54,7 @@ pub enum CheckpointError {
 }
 
 impl Checkpoint {
-    /// The training as it is now, between two iterations.
+    /// The training as it is now, between two iterations; on several ranks all of them have to ask for it.
     pub fn of(trainer: &Trainer) -> Self {
         let card = Card {
             checkpoint_version: FORMAT_VERSION,
@@ -75,14 +76,10 @@ impl Checkpoint {
         let num_observations = trainer.moments.mean.len();
         file.push("moments.mean", &[num_observations], &trainer.moments.mean);
         file.push("moments.sum_squared_deviations", &[num_observations], &trainer.moments.sum_squared_deviations);
-        let states: Vec<Vec<f64>> = trainer.environments.iter().map(TrainingEnvironment::state).collect();
-        file.push("environments.state", &[states.len(), states[0].len()], &states.concat());
-        let ongoing: Vec<f64> = trainer
-            .collectors
-            .iter()
-            .flat_map(|collector| [collector.ongoing.episode_return, collector.ongoing.episode_length as f64])
-            .collect();
-        file.push("environments.episode", &[states.len(), 2], &ongoing);
+        let (states, ongoing) = environments(trainer);
+        let num_environments = ongoing.len() / 2;
+        file.push("environments.state", &[num_environments, states.len() / num_environments], &states);
+        file.push("environments.episode", &[num_environments, 2], &ongoing);
         Self { card, file }
     }
 
@@ -141,11 +138,12 @@ impl Checkpoint {
         trainer.moments.mean = self.file.get("moments.mean", &[num_observations])?;
         trainer.moments.sum_squared_deviations =
             self.file.get("moments.sum_squared_deviations", &[num_observations])?;
-        let num_environments = trainer.environments.len();
+        let num_environments = trainer.resolved().config.training.num_environments;
+        let own = trainer.own_environments();
         let state_len = trainer.environments[0].state().len();
         let states: Vec<f64> = self.file.get("environments.state", &[num_environments, state_len])?;
         let episodes: Vec<f64> = self.file.get("environments.episode", &[num_environments, 2])?;
-        let parts = states.chunks_exact(state_len).zip(episodes.chunks_exact(2));
+        let parts = states.chunks_exact(state_len).zip(episodes.chunks_exact(2)).skip(own.start);
         let targets = trainer.environments.iter_mut().zip(&mut trainer.collectors);
         for ((environment, collector), (state, episode)) in targets.zip(parts) {
             // The number of the next episode, and the env steps of the present one.
@@ -167,6 +165,32 @@ impl Checkpoint {
         };
         Ok(())
     }
+}
+
+/// States and running episodes of every rank's environments, one environment after the other.
+fn environments(trainer: &Trainer) -> (Vec<f64>, Vec<f64>) {
+    let states: Vec<f64> = trainer.environments.iter().flat_map(TrainingEnvironment::state).collect();
+    let ongoing = trainer.collectors.iter().map(|collector| &collector.ongoing);
+    let ongoing: Vec<f64> =
+        ongoing.flat_map(|episode| [episode.episode_return, episode.episode_length as f64]).collect();
+    if trainer.communicator.num_ranks() == 1 {
+        return (states, ongoing);
+    }
+    let mut message = Message::default();
+    for numbers in [&states, &ongoing] {
+        message.push_u64(numbers.len() as u64);
+        message.push_f64s(numbers);
+    }
+    let (mut all_states, mut all_ongoing) = (Vec::new(), Vec::new());
+    for message in exchange(&*trainer.communicator, message.bytes()) {
+        let mut received = Received::new(&message);
+        for all in [&mut all_states, &mut all_ongoing] {
+            let mut numbers = vec![0.0; received.u64() as usize];
+            received.f64s(&mut numbers);
+            all.append(&mut numbers);
+        }
+    }
+    (all_states, all_ongoing)
 }
 
 /// Whether a number of a file can be a count.

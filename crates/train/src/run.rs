@@ -13,7 +13,9 @@ use crate::config::Resolved;
 use crate::evaluate::{Verdict, judge};
 use crate::executor::Workers;
 use crate::policy_file::PolicyFile;
+use crate::ranks::{RanksError, agree};
 use crate::run_directory::{RunDirectory, RunError, trajectory_folder, write_json, write_trajectory};
+use crate::tensorboard::EventFile;
 use crate::trainer::{IterationReport, Trainer};
 use crate::trajectory::record_all;
 
@@ -38,6 +40,16 @@ pub enum TrainError {
     /// The numbers went out of bounds too often.
     #[error("{0}. It was undone and tried again with smaller steps before; what was saved until then is good")]
     Diverged(#[from] Divergence),
+    /// The ranks no longer train the same.
+    #[error(transparent)]
+    Ranks(#[from] RanksError),
+}
+
+impl TrainError {
+    /// Whether every rank has come to this error; else the others go on, and wait for this one in vain.
+    pub fn is_on_every_rank(&self) -> bool {
+        matches!(self, Self::Diverged(_) | Self::Ranks(_))
+    }
 }
 
 /// What an iteration of a training brought, and where its blow-ups were dumped.
@@ -56,16 +68,49 @@ pub struct Observed<'a> {
 /// # Errors
 /// All checkpoints are damaged, or are of another configuration or robot.
 pub fn pick_up(trainer: &mut Trainer, directory: &RunDirectory) -> Result<Vec<String>, TrainError> {
+    Ok(pick_up_checkpoint(trainer, directory)?.1)
+}
+
+/// Does what [`pick_up`] does and returns the checkpoint too, for the other ranks.
+///
+/// # Errors
+/// As [`pick_up`].
+pub fn pick_up_checkpoint(
+    trainer: &mut Trainer,
+    directory: &RunDirectory,
+) -> Result<(Option<Checkpoint>, Vec<String>), TrainError> {
     if !directory.has_progress() {
-        return Ok(Vec::new());
+        return Ok((None, Vec::new()));
     }
     let (checkpoint, skipped) = directory.newest_checkpoint()?;
     checkpoint.restore(trainer)?;
     directory.truncate_metrics(checkpoint.iterations())?;
-    Ok(skipped)
+    Ok((Some(checkpoint), skipped))
+}
+
+/// What rank 0 writes while it trains.
+struct Record<'a> {
+    directory: &'a RunDirectory,
+    events: EventFile,
+    observe: &'a mut dyn FnMut(Observed<'_>),
+}
+
+impl Record<'_> {
+    /// Writes down an iteration.
+    fn append(&mut self, report: &IterationReport) -> Result<(), RunError> {
+        let metrics = metrics(report);
+        self.directory.append_metrics(&metrics)?;
+        self.events.append(&metrics)?;
+        let dumps = report.blow_ups.iter().map(|blow_up| self.directory.write_blow_up(blow_up));
+        let dumps = dumps.collect::<Result<Vec<_>, _>>()?.into_iter().flatten().collect();
+        (self.observe)(Observed { report, dumps });
+        Ok(())
+    }
 }
 
 /// Trains until the end, or until `stop`; saves at intervals and at either end. `observe` sees every iteration.
+///
+/// On several ranks this is rank 0's part, and the others [`follow`].
 ///
 /// # Errors
 /// No room for what it will write, a file that cannot be written, or too many diverged updates; what was saved before
@@ -83,27 +128,52 @@ pub fn train(
         // So that a run which is killed early can go on.
         directory.write_checkpoint(&checkpoint)?;
     }
+    let record = Record { directory, events: directory.open_events()?, observe };
+    let ending = iterate_to_the_end(trainer, workers, stop, Some(record))?;
+    if ending == Ending::Finished {
+        directory.write_policy(&PolicyFile::of(trainer))?;
+    }
+    Ok(ending)
+}
+
+/// Trains with rank 0, which [`train`]s and writes; nothing is written here.
+///
+/// # Errors
+/// Those that every rank comes to.
+pub fn follow(trainer: &mut Trainer, workers: &Workers, stop: &AtomicBool) -> Result<Ending, TrainError> {
+    // Rank 0 looks whether there is room for it.
+    Checkpoint::of(trainer);
+    iterate_to_the_end(trainer, workers, stop, None)
+}
+
+/// The loop, the same on every rank; only rank 0 has a record to write.
+fn iterate_to_the_end(
+    trainer: &mut Trainer,
+    workers: &Workers,
+    stop: &AtomicBool,
+    mut record: Option<Record<'_>>,
+) -> Result<Ending, TrainError> {
+    let save = |trainer: &Trainer, record: &Option<Record<'_>>| {
+        let checkpoint = Checkpoint::of(trainer);
+        record.as_ref().map_or(Ok(()), |record| record.directory.write_checkpoint(&checkpoint))
+    };
     let interval = trainer.resolved().config.training.checkpoint_env_steps;
-    let mut events = directory.open_events()?;
     let mut next_checkpoint = trainer.progress().env_steps + interval;
     while !trainer.is_finished() {
         let report = trainer.iterate(workers)?;
-        let metrics = metrics(&report);
-        directory.append_metrics(&metrics)?;
-        events.append(&metrics)?;
-        let dumps: Result<Vec<_>, _> = report.blow_ups.iter().map(|blow_up| directory.write_blow_up(blow_up)).collect();
-        observe(Observed { report: &report, dumps: dumps?.into_iter().flatten().collect() });
-        let is_stopped = stop.load(Ordering::Relaxed) && !trainer.is_finished();
+        if let Some(record) = &mut record {
+            record.append(&report)?;
+        }
+        let is_stopped = agree(trainer, stop.load(Ordering::Relaxed))? && !trainer.is_finished();
         if is_stopped || report.progress.env_steps >= next_checkpoint {
-            directory.write_checkpoint(&Checkpoint::of(trainer))?;
+            save(trainer, &record)?;
             next_checkpoint = report.progress.env_steps + interval;
         }
         if is_stopped {
             return Ok(Ending::Stopped);
         }
     }
-    directory.write_checkpoint(&Checkpoint::of(trainer))?;
-    directory.write_policy(&PolicyFile::of(trainer))?;
+    save(trainer, &record)?;
     Ok(Ending::Finished)
 }
 

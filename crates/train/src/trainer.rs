@@ -1,17 +1,20 @@
 //! The state of a training and one iteration of it: collect, estimate advantages, update.
 
+use std::ops::Range;
+use std::sync::Arc;
 use std::time::Instant;
 
 use canter_gait::Network;
 use canter_learn::adam::Adam;
 use canter_learn::advantage::{compute_values, estimate_advantages};
 use canter_learn::collect::{CollectorState, EpisodeRecord, PolicyView, collect_column};
+use canter_learn::communicator::{Alone, Communicator, Message, Received, exchange, own_part, part};
 use canter_learn::metrics::UpdateMetrics;
 use canter_learn::normaliser::{Normaliser, RunningMoments};
 use canter_learn::policy::ActorCritic;
 use canter_learn::ppo::{Divergence, PpoWorkspace, UpdateContext, annealed_learning_rate, update};
 use canter_learn::random::{Purpose, stream};
-use canter_learn::rollout::Rollout;
+use canter_learn::rollout::{Rollout, RolloutColumn};
 use canter_learn::settings::PpoSettings;
 use canter_sim::Accident;
 use canter_sim::forward::{Forward, fastest_forward};
@@ -21,6 +24,7 @@ use crate::blow_up::BlowUp;
 use crate::config::Resolved;
 use crate::environment::TrainingEnvironment;
 use crate::executor::Workers;
+use crate::outcome::Outcome;
 use crate::statistics::mean;
 
 /// Updates of a training that may diverge and be undone; the next one ends it.
@@ -65,13 +69,14 @@ pub struct IterationReport {
     pub blow_ups: Vec<BlowUp>,
     /// Wall time of collecting [s].
     pub collect_s: f64,
-    /// Wall time of advantages and update [s].
+    /// Wall time of advantages and update, and of waiting for the other ranks and their samples [s].
     pub update_s: f64,
 }
 
-/// A training between two iterations.
+/// A training between two iterations. On several ranks each holds all of it but the other ranks' environments.
 #[derive(Debug)]
 pub struct Trainer {
+    pub(crate) communicator: Arc<dyn Communicator>,
     resolved: Resolved,
     model: ActorCritic,
     settings: PpoSettings,
@@ -79,27 +84,41 @@ pub struct Trainer {
     pub(crate) parameters: Vec<f32>,
     pub(crate) adam: Adam,
     pub(crate) moments: RunningMoments,
+    /// This rank's environments, and each one's side of the collection.
     pub(crate) environments: Vec<TrainingEnvironment>,
     pub(crate) collectors: Vec<CollectorState>,
+    /// What every rank's environments brought in this iteration.
+    outcomes: Vec<Outcome>,
     pub(crate) progress: Progress,
     rollout: Rollout,
     workspace: PpoWorkspace,
 }
 
 impl Trainer {
-    /// A training that has not begun.
+    /// A training that has not begun, in this process alone.
     pub fn new(resolved: Resolved) -> Self {
+        Self::on_ranks(resolved, Arc::new(Alone))
+    }
+
+    /// This rank's part of a training that has not begun.
+    ///
+    /// # Panics
+    /// If there are more ranks than environments.
+    pub fn on_ranks(resolved: Resolved, communicator: Arc<dyn Communicator>) -> Self {
         let Resolved { config, task } = &resolved;
         let model = config.network.model(task);
         let settings = config.ppo.settings();
         let training = &config.training;
         let num_environments = training.num_environments as u64;
-        let mut environments: Vec<_> = (0..num_environments)
-            .map(|index| TrainingEnvironment::new(task.clone(), config.seed, index, num_environments))
+        let own = own_part(&*communicator, training.num_environments);
+        assert!(!own.is_empty(), "a rank without an environment has nothing to collect");
+        let mut environments: Vec<_> = own
+            .map(|index| TrainingEnvironment::new(task.clone(), config.seed, index as u64, num_environments))
             .collect();
         let collectors = environments.iter_mut().map(CollectorState::start).collect();
         let num_samples = training.num_environments * training.horizon;
         Self {
+            communicator,
             model,
             forward: fastest_forward(),
             parameters: model.initial_parameters(config.seed, config.network.initial_log_std),
@@ -107,6 +126,7 @@ impl Trainer {
             moments: RunningMoments::new(model.num_observations()),
             environments,
             collectors,
+            outcomes: Vec::new(),
             progress: Progress::default(),
             rollout: Rollout::new(
                 training.num_environments,
@@ -145,7 +165,18 @@ impl Trainer {
         Normaliser::from_moments(&self.moments)
     }
 
-    /// What the last collection brought, and what the last update made of it.
+    /// The ranks that train together.
+    pub fn communicator(&self) -> &dyn Communicator {
+        &*self.communicator
+    }
+
+    /// The numbers of this rank's environments.
+    pub(crate) fn own_environments(&self) -> Range<usize> {
+        own_part(&*self.communicator, self.resolved.config.training.num_environments)
+    }
+
+    /// What the last collection brought, and what the last update made of it; of the other ranks' environments only what
+    /// an update reads.
     pub fn rollout(&self) -> &Rollout {
         &self.rollout
     }
@@ -166,7 +197,11 @@ impl Trainer {
         self.collect(workers);
         let collected = Instant::now();
         // On a thread of the pool: from outside, every minibatch would wake the pool and be woken by it.
-        let update = workers.install(|| self.update(workers));
+        let update = workers.install(|| {
+            self.estimate_advantages(workers);
+            self.share_samples();
+            self.update(workers)
+        });
         if let Err(divergence) = update {
             self.progress.divergences += 1;
             if self.progress.divergences > MAX_DIVERGENCES {
@@ -179,15 +214,51 @@ impl Trainer {
         Ok(self.report(update, (collected - start).as_secs_f64(), (updated - collected).as_secs_f64()))
     }
 
-    /// Estimates the advantages of the rollout and updates the networks with them.
+    /// Estimates the advantages of this rank's samples.
+    fn estimate_advantages(&mut self, workers: &Workers) {
+        let own = self.own_environments();
+        let mut columns: Vec<RolloutColumn<'_>> = self.rollout.columns_mut().collect();
+        let columns = &mut columns[own];
+        compute_values(columns, &self.model, &self.parameters, workers);
+        estimate_advantages(columns, self.settings.gamma, self.settings.gae_lambda);
+    }
+
+    /// Gives every rank the samples of all, and what their environments did.
+    fn share_samples(&mut self) {
+        let own = self.own_environments();
+        let collected = self.environments.iter_mut().zip(&self.collectors);
+        let outcomes: Vec<Outcome> =
+            collected.map(|(environment, collector)| Outcome::take(environment, collector)).collect();
+        let num_ranks = self.communicator.num_ranks();
+        if num_ranks == 1 {
+            self.outcomes = outcomes;
+            return;
+        }
+        let mut columns: Vec<RolloutColumn<'_>> = self.rollout.columns_mut().collect();
+        let mut message = Message::default();
+        for (column, outcome) in columns[own].iter().zip(&outcomes) {
+            column.write(&mut message);
+            outcome.write(&mut message);
+        }
+        self.outcomes.clear();
+        let num_environments = columns.len();
+        for (rank, message) in exchange(&*self.communicator, message.bytes()).iter().enumerate() {
+            let mut received = Received::new(message);
+            for column in &mut columns[part(num_environments, num_ranks, rank)] {
+                column.read(&mut received);
+                self.outcomes.push(Outcome::read(&mut received));
+            }
+        }
+    }
+
+    /// Updates the networks with the samples of all ranks.
     fn update(&mut self, workers: &Workers) -> Result<UpdateMetrics, Divergence> {
-        compute_values(&mut self.rollout, &self.model, &self.parameters, workers);
-        estimate_advantages(&mut self.rollout, self.settings.gamma, self.settings.gae_lambda);
         self.set_learning_rate();
         let context = UpdateContext {
             model: &self.model,
             settings: &self.settings,
             executor: workers,
+            communicator: &*self.communicator,
             seed: self.resolved.config.seed,
             iteration: self.progress.iterations,
         };
@@ -206,7 +277,7 @@ impl Trainer {
         }
     }
 
-    /// Fills the rollout: every thread steps whole environments, none waits for another.
+    /// Fills this rank's part of the rollout: every thread steps whole environments, none waits for another.
     pub fn collect(&mut self, workers: &Workers) {
         let normaliser = self.normaliser();
         let parts = self.model.split(&self.parameters[..]);
@@ -217,7 +288,10 @@ impl Trainer {
             forward: self.forward,
         };
         let (seed, iteration) = (self.resolved.config.seed, self.progress.iterations);
+        let own = self.own_environments();
+        let first = own.start;
         let mut columns: Vec<_> = self.rollout.columns_mut().collect();
+        let columns = &mut columns[own];
         let (environments, collectors) = (&mut self.environments, &mut self.collectors);
         workers.install(|| {
             environments
@@ -227,7 +301,7 @@ impl Trainer {
                 .enumerate()
                 .with_max_len(1)
                 .for_each(|(index, ((environment, collector), column))| {
-                    let mut rng = stream(seed, Purpose::Exploration, index as u64, iteration);
+                    let mut rng = stream(seed, Purpose::Exploration, (first + index) as u64, iteration);
                     collect_column(environment, &policy, column, collector, &mut rng);
                 });
         });
@@ -235,26 +309,22 @@ impl Trainer {
 
     /// Moves the counters on, merges the observations' statistics in the order of the environments, and reports.
     fn report(&mut self, update: Result<UpdateMetrics, Divergence>, collect_s: f64, update_s: f64) -> IterationReport {
-        let mut episodes = Vec::new();
-        for collector in &self.collectors {
-            self.moments.merge(&collector.moments);
-            episodes.extend_from_slice(&collector.finished_episodes);
-        }
+        let (mut episodes, mut levels, mut blow_ups) = (Vec::new(), Vec::new(), Vec::new());
         let (mut forward_m, mut work_j, mut accidents) = (0.0, 0.0, [0; Accident::ALL.len()]);
-        let mut blow_ups = Vec::new();
-        for environment in &mut self.environments {
-            if let Some(mut blow_up) = environment.blow_up.take() {
+        for outcome in self.outcomes.drain(..) {
+            self.moments.merge(&outcome.moments);
+            episodes.extend(outcome.finished_episodes);
+            levels.extend(outcome.level);
+            if let Some(mut blow_up) = outcome.blow_up {
                 blow_up.iteration = self.progress.iterations + 1;
                 blow_ups.push(blow_up);
             }
-            let travel = std::mem::take(&mut environment.travel);
-            forward_m += travel.forward_m;
-            work_j += travel.work_j;
-            for (total, count) in accidents.iter_mut().zip(travel.accidents) {
+            forward_m += outcome.travel.forward_m;
+            work_j += outcome.travel.work_j;
+            for (total, count) in accidents.iter_mut().zip(outcome.travel.accidents) {
                 *total += count;
             }
         }
-        let levels: Vec<f64> = self.environments.iter().filter_map(TrainingEnvironment::level).collect();
         let num_samples = self.rollout.num_samples();
         self.progress.iterations += 1;
         self.progress.env_steps += num_samples as u64;

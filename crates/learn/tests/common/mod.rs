@@ -3,9 +3,10 @@
 
 use canter_gait::network::Network;
 use canter_learn::{
-    ActorCritic, Adam, CollectorState, Divergence, Environment, Executor, Normaliser, OngoingEpisode, PORTABLE_FORWARD,
-    PolicyView, PpoSettings, PpoWorkspace, Purpose, Rollout, RolloutColumn, RunningMoments, StepOutcome, UpdateContext,
-    UpdateMetrics, collect_column, compute_values, estimate_advantages, for_each_mut, stream, update,
+    ActorCritic, Adam, Alone, CollectorState, Divergence, Environment, Executor, Normaliser, OngoingEpisode,
+    PORTABLE_FORWARD, PolicyView, PpoSettings, PpoWorkspace, Purpose, Rollout, RolloutColumn, RunningMoments,
+    StepOutcome, UpdateContext, UpdateMetrics, collect_column, compute_values, estimate_advantages, for_each_mut,
+    stream, update,
 };
 use rand_chacha::rand_core::Rng;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -138,8 +139,9 @@ impl<E: Environment> Training<E> {
         for (_, state) in &self.workers {
             self.moments.merge(&state.moments);
         }
-        compute_values(&mut self.rollout, &self.model, &self.parameters, executor);
-        estimate_advantages(&mut self.rollout, self.settings.gamma, self.settings.gae_lambda);
+        let mut columns: Vec<_> = self.rollout.columns_mut().collect();
+        compute_values(&mut columns, &self.model, &self.parameters, executor);
+        estimate_advantages(&mut columns, self.settings.gamma, self.settings.gae_lambda);
     }
 
     pub fn update(&mut self, executor: &dyn Executor) -> Result<UpdateMetrics, Divergence> {
@@ -147,6 +149,7 @@ impl<E: Environment> Training<E> {
             model: &self.model,
             settings: &self.settings,
             executor,
+            communicator: &Alone,
             seed: self.seed,
             iteration: self.iteration,
         };

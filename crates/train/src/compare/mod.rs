@@ -18,9 +18,10 @@ use serde_json::{Value, json};
 
 use crate::executor::Workers;
 use crate::jobs::progress::{JobsProgress, Meter};
-use crate::jobs::{JobsError, JobsFolder, Watch, run_all, write_json};
+use crate::jobs::{JobResult, JobsError, JobsFolder, Watch, run_all, write_json};
 use canter_sim::settings::write_commented;
-use job::{Context, jobs};
+use job::{Context, Job, jobs};
+use measured::Measured;
 use protocol::{CompareSettings, RungKind};
 use results::Comparison;
 
@@ -40,6 +41,15 @@ impl CompareFolder {
     /// A folder of something else, or of a comparison with other settings, presets, or another version of the robot.
     pub fn open(path: Option<&Path>, settings: &CompareSettings) -> Result<Self, JobsError> {
         let folder = JobsFolder::open(path, "compare", &settings_card(settings)?)?;
+        Ok(Self { folder, settings: settings.clone() })
+    }
+
+    /// On a rank other than 0: the folder that rank 0 has opened with the same settings.
+    ///
+    /// # Errors
+    /// This rank does not see it, or would compare something else.
+    pub fn join(path: &Path, settings: &CompareSettings) -> Result<Self, JobsError> {
+        let folder = JobsFolder::join(path, &settings_card(settings)?)?;
         Ok(Self { folder, settings: settings.clone() })
     }
 
@@ -81,21 +91,47 @@ pub fn compare(
     stop: &AtomicBool,
     observe: &(dyn Fn(JobsProgress) + Sync),
 ) -> Result<Option<Comparison>, JobsError> {
+    let jobs = jobs(&folder.settings);
+    let Some(measured) = do_jobs(folder, &jobs, num_threads, stop, observe)? else { return Ok(None) };
+    let all = jobs.iter().map(|job| job.rung).zip(measured).collect();
+    let comparison = Comparison::new(&folder.settings, all)?;
+    write_json(&folder.path().join("compare.json"), &comparison)?;
+    Ok(Some(comparison))
+}
+
+/// Does one rank's share of a comparison's jobs; whether it was asked to stop before their end. Once every rank has done
+/// its own, [`compare`] finds all of them done.
+///
+/// # Errors
+/// As [`compare`].
+pub fn do_share(
+    folder: &CompareFolder,
+    (rank, num_ranks): (usize, usize),
+    num_threads: usize,
+    stop: &AtomicBool,
+    observe: &(dyn Fn(JobsProgress) + Sync),
+) -> Result<bool, JobsError> {
+    // The longest come first: dealt out like cards they come to about the same everywhere.
+    let own: Vec<Job> = jobs(&folder.settings).into_iter().skip(rank).step_by(num_ranks).collect();
+    Ok(do_jobs(folder, &own, num_threads, stop, observe)?.is_none())
+}
+
+/// Does these jobs and returns what each has measured; none if it was asked to stop before.
+fn do_jobs(
+    folder: &CompareFolder,
+    jobs: &[Job],
+    num_threads: usize,
+    stop: &AtomicBool,
+    observe: &(dyn Fn(JobsProgress) + Sync),
+) -> JobResult<Vec<Measured>> {
     let settings = &folder.settings;
-    let jobs = jobs(settings);
     let mut planned_steps = 0;
-    for job in &jobs {
+    for job in jobs {
         let resolved = job.rung.resolved(settings, job.seed.unwrap_or(0))?;
         planned_steps += job.planned_steps(settings, &resolved.task);
     }
     let meter = Meter::new(jobs.len(), planned_steps, observe);
     let context = Context { settings, folder: folder.path(), watch: Watch { stop, meter: &meter } };
     let run = |number: usize, workers: &Workers| jobs[number].run(&context, workers);
-    let Some(measured) = run_all((num_threads, jobs.len()), stop, &run, |number| jobs[number].name())? else {
-        return Ok(None);
-    };
-    let all = jobs.iter().map(|job| job.rung).zip(measured).collect();
-    let comparison = Comparison::new(settings, all)?;
-    write_json(&folder.path().join("compare.json"), &comparison)?;
-    Ok(Some(comparison))
+    run_all((num_threads, jobs.len()), stop, &run, |number| jobs[number].name())
 }

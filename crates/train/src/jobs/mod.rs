@@ -62,6 +62,9 @@ pub enum JobsError {
     /// There is something else in the folder.
     #[error("{}: this folder is not empty and holds no settings.json to go on from; choose another with --out", .0.display())]
     NotEmpty(PathBuf),
+    /// A rank does not see what rank 0 has written.
+    #[error("{}: this folder has to be on a disk that all ranks share", .0.display())]
+    NotShared(PathBuf),
     /// A run in the folder has another configuration than its job gives it.
     #[error("{}: this run has another configuration than it has here; choose another folder with --out", .0.display())]
     OtherConfiguration(PathBuf),
@@ -82,7 +85,8 @@ pub enum JobsError {
 #[derive(Debug)]
 pub(crate) struct JobsFolder {
     path: PathBuf,
-    _lock: File,
+    /// None on a rank that works for the one that holds the folder.
+    _lock: Option<File>,
 }
 
 impl JobsFolder {
@@ -112,7 +116,17 @@ impl JobsFolder {
                 return Err(JobsError::OtherSettings { path, difference: difference(&there, card) });
             }
         }
-        Ok(Self { path, _lock: lock })
+        Ok(Self { path, _lock: Some(lock) })
+    }
+
+    /// A folder of jobs with this `card` that rank 0 holds.
+    pub fn join(path: &Path, card: &Value) -> Result<Self, JobsError> {
+        let path = path.to_owned();
+        let there: Value = read_json(&path.join("settings.json"))?.ok_or_else(|| JobsError::NotShared(path.clone()))?;
+        if there == *card {
+            return Ok(Self { path, _lock: None });
+        }
+        Err(JobsError::OtherSettings { difference: difference(&there, card), path })
     }
 
     /// The folder.

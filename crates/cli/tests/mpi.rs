@@ -1,1 +1,280 @@
+//! Real ranks that mpirun starts: the same bytes as one process, whatever happens to them. `crates/train/tests/ranks.rs` has
+//! what needs no MPI.
+#![cfg(target_os = "linux")]
 
+mod common;
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::Path;
+use std::process::{Child, Command};
+use std::thread::sleep;
+use std::time::{Duration, Instant};
+
+use common::{Finished, TemporaryFolder, canter_in, names, train_args_with_steps};
+use serde_json::Value;
+
+/// Minibatches of four shards and of one, episodes that end, a checkpoint every second iteration.
+const SHARDED: [&str; 10] = [
+    "--set",
+    "training.horizon=128",
+    "--set",
+    "ppo.minibatch_size=512",
+    "--set",
+    "task.episode_s=0.5",
+    "--set",
+    "training.checkpoint_env_steps=1024",
+    "--set",
+    "task.variation.curriculum=true",
+];
+
+/// More env steps than anybody waits for.
+const ENDLESS: &str = "100000000";
+
+/// canter on this many ranks; it may use all cores, and mpirun waits for a stop to be saved.
+fn mpirun(folder: &Path, num_ranks: usize, args: &[&str]) -> Command {
+    let canter = canter_in(folder, args);
+    let mut command = Command::new("mpirun");
+    command.arg("-n").arg(num_ranks.to_string()).arg(canter.get_program()).args(args);
+    // As `canter_in`, and with what mpirun needs: its own programs, and Open MPI's leave for root and for few cores.
+    command.current_dir(folder).env_clear().env("PATH", std::env::var_os("PATH").unwrap()).env("COLUMNS", "100");
+    command.env("TMPDIR", std::env::temp_dir());
+    for (name, value) in [
+        ("OMPI_ALLOW_RUN_AS_ROOT", "1"),
+        ("OMPI_ALLOW_RUN_AS_ROOT_CONFIRM", "1"),
+        ("OMPI_MCA_rmaps_base_oversubscribe", "1"),
+        ("OMPI_MCA_hwloc_base_binding_policy", "none"),
+        ("OMPI_MCA_odls_base_sigkill_timeout", "60"),
+    ] {
+        command.env(name, value);
+    }
+    command
+        .stdin(std::process::Stdio::null())
+        .stdout(std::process::Stdio::piped())
+        .stderr(std::process::Stdio::piped());
+    command
+}
+
+fn finished(mut command: Command) -> Finished {
+    Finished::of(&command.output().expect("Debian's openmpi-bin has mpirun"))
+}
+
+/// Everything that a run leaves and that equal runs have in common.
+fn outcome(run: &Path) -> BTreeMap<String, Vec<u8>> {
+    let mut files = vec!["config.toml".to_owned(), "policy.safetensors".to_owned(), "eval.json".to_owned()];
+    for folder in ["checkpoints", "trajectories"] {
+        files.extend(names(&run.join(folder)).into_iter().map(|name| format!("{folder}/{name}")));
+    }
+    let mut outcome: BTreeMap<_, _> =
+        files.into_iter().map(|name| (name.clone(), fs::read(run.join(&name)).unwrap())).collect();
+    let metrics = fs::read_to_string(run.join("metrics.jsonl")).unwrap();
+    let without_times = |line: &str| {
+        let mut line: Value = serde_json::from_str(line).unwrap();
+        ["collect_s", "update_s"].map(|key| line.as_object_mut().unwrap().remove(key).unwrap());
+        format!("{line}\n")
+    };
+    outcome.insert("metrics.jsonl".to_owned(), metrics.lines().map(without_times).collect::<String>().into_bytes());
+    outcome
+}
+
+#[track_caller]
+fn assert_same(run: &Path, expected: &BTreeMap<String, Vec<u8>>) {
+    let actual = outcome(run);
+    assert!(actual.keys().eq(expected.keys()), "{:?}", actual.keys());
+    for (name, bytes) in actual {
+        assert!(bytes == expected[&name], "{name} of {}", run.display());
+    }
+}
+
+fn sharded<'a>(steps: &'a str, out: &'a str, threads: &'a str) -> Vec<&'a str> {
+    let mut args = train_args_with_steps(steps, &[&SHARDED[..], &["--out", out]].concat());
+    let place = args.iter().position(|arg| *arg == "--threads").unwrap();
+    args[place + 1] = threads;
+    args
+}
+
+/// Waits until the run has a checkpoint of at least this iteration.
+fn wait_for_checkpoint(run: &Path, iteration: u64, child: &mut Child) {
+    let is_there = || {
+        let checkpoints = run.join("checkpoints").read_dir().into_iter().flatten().flatten();
+        let number = |name: &str| name.strip_suffix(".safetensors")?.parse::<u64>().ok();
+        checkpoints.filter_map(|entry| number(entry.file_name().to_str()?)).any(|number| number >= iteration)
+    };
+    while !is_there() {
+        if child.try_wait().unwrap().is_some() {
+            panic!("mpirun has ended before");
+        }
+        sleep(Duration::from_millis(20));
+    }
+}
+
+/// The processes of canter below this one.
+fn ranks_of(mpirun: &Child) -> Vec<u32> {
+    let children = |parent: u32| -> Vec<u32> {
+        let tasks = fs::read_dir(format!("/proc/{parent}/task")).into_iter().flatten().flatten();
+        let lists = tasks.filter_map(|task| fs::read_to_string(task.path().join("children")).ok());
+        lists.flat_map(|list| list.split_whitespace().map(|id| id.parse().unwrap()).collect::<Vec<u32>>()).collect()
+    };
+    let (mut ranks, mut next) = (Vec::new(), vec![mpirun.id()]);
+    while let Some(process) = next.pop() {
+        let name = fs::read_to_string(format!("/proc/{process}/comm")).unwrap_or_default();
+        if name.trim() == "canter" { ranks.push(process) } else { next.extend(children(process)) }
+    }
+    ranks
+}
+
+fn signal(process: u32, name: &str) {
+    assert!(Command::new("kill").args([&format!("-{name}"), &process.to_string()]).status().unwrap().success());
+}
+
+#[test]
+fn any_number_of_ranks_and_threads_leaves_the_bytes_of_one_process() {
+    let folder = TemporaryFolder::new();
+    folder.canter(&sharded("5120", "alone", "2")).succeeded();
+    let expected = outcome(&folder.join("alone"));
+    for (num_ranks, threads) in [(1, "2"), (2, "1"), (2, "2"), (3, "1"), (3, "2")] {
+        let out = format!("run-{num_ranks}-{threads}");
+        let stdout = finished(mpirun(folder.path(), num_ranks, &sharded("5120", &out, threads))).succeeded();
+        if num_ranks > 1 {
+            let who = format!(", {num_ranks} ranks x {threads} threads, into {out}");
+            assert_eq!(stdout.matches(&who).count(), 1, "rank 0 alone speaks:\n{stdout}");
+        }
+        assert_same(&folder.join(&out), &expected);
+        let card: Value = serde_json::from_slice(&fs::read(folder.join(&out).join("run.json")).unwrap()).unwrap();
+        assert_eq!((card["ranks"].as_u64(), card["env_steps"].as_u64()), (Some(num_ranks as u64), Some(5120)));
+        assert_eq!(card["received_bytes"].as_u64().is_some_and(|bytes| bytes > 100_000), num_ranks > 1, "{card}");
+    }
+}
+
+#[test]
+fn a_killed_rank_ends_the_job_and_any_number_of_ranks_goes_on() {
+    let folder = TemporaryFolder::new();
+    for (victim, num_ranks) in [(0, 1), (1, 3)] {
+        let out = format!("killed-{victim}");
+        let mut job = mpirun(folder.path(), 2, &sharded(ENDLESS, &out, "1")).spawn().unwrap();
+        let run = folder.join(&out);
+        wait_for_checkpoint(&run, 4, &mut job);
+        let ranks = ranks_of(&job);
+        assert_eq!(ranks.len(), 2);
+        let is_rank = |process: &&u32| {
+            let environment = fs::read(format!("/proc/{process}/environ")).unwrap();
+            environment
+                .split(|&byte| byte == 0)
+                .any(|entry| entry == format!("OMPI_COMM_WORLD_RANK={victim}").as_bytes())
+        };
+        signal(*ranks.iter().find(is_rank).unwrap(), "KILL");
+        let finished = Finished::of(&wait_at_most(job, Duration::from_secs(10)));
+        assert_ne!(finished.code, Some(0), "{finished:?}");
+        assert!(finished.stderr.contains("signal 9 (Killed)"), "{}", finished.stderr);
+
+        // Nothing of what was saved is lost: a few iterations more, and it ends like a run that nobody has killed.
+        let saved = newest(&run);
+        assert!(saved >= 4, "{saved}");
+        let steps = ((saved + 3) * 512).to_string();
+        change_steps(&run, &steps);
+        finished_resume(&folder, &out, num_ranks);
+        let alone = format!("alone-{victim}");
+        folder.canter(&sharded(&steps, &alone, "2")).succeeded();
+        let (actual, mut expected) = (outcome(&run), outcome(&folder.join(&alone)));
+        // The last checkpoints were written at other iterations; the very last is the same.
+        let last = format!("checkpoints/{:08}.safetensors", saved + 3);
+        expected.retain(|name, _| !name.starts_with("checkpoints/") || *name == last);
+        for (name, bytes) in expected {
+            assert!(actual[&name] == bytes, "{name} of {out}");
+        }
+    }
+}
+
+/// Waits for the end of a job, but no longer than this.
+#[track_caller]
+fn wait_at_most(mut job: Child, limit: Duration) -> std::process::Output {
+    let begin = Instant::now();
+    while job.try_wait().unwrap().is_none() {
+        if begin.elapsed() > limit {
+            job.kill().unwrap();
+            panic!("the job goes on after {limit:?}");
+        }
+        sleep(Duration::from_millis(20));
+    }
+    job.wait_with_output().unwrap()
+}
+
+/// Iteration of the newest checkpoint.
+fn newest(run: &Path) -> u64 {
+    let names = names(&run.join("checkpoints"));
+    names.iter().filter_map(|name| name.strip_suffix(".safetensors")?.parse().ok()).max().unwrap()
+}
+
+/// Lets the run end after this many env steps.
+fn change_steps(run: &Path, steps: &str) {
+    let path = run.join("config.toml");
+    let config = fs::read_to_string(&path).unwrap();
+    let (old, new) = (format!("max_env_steps = {ENDLESS}"), format!("max_env_steps = {steps}"));
+    assert_eq!(config.matches(&old).count(), 1);
+    fs::write(&path, config.replace(&old, &new)).unwrap();
+}
+
+#[track_caller]
+fn finished_resume(folder: &TemporaryFolder, run: &str, num_ranks: usize) {
+    let args = ["resume", run, "--threads", "1"];
+    let stdout = finished(mpirun(folder.path(), num_ranks, &args)).succeeded();
+    assert!(stdout.starts_with("Going on after "), "{stdout}");
+}
+
+#[test]
+fn a_signal_to_mpirun_saves_and_says_how_to_go_on() {
+    let folder = TemporaryFolder::new();
+    let mut job = mpirun(folder.path(), 2, &sharded(ENDLESS, "run", "1")).spawn().unwrap();
+    wait_for_checkpoint(&folder.join("run"), 2, &mut job);
+    signal(job.id(), "INT");
+    let stopped = Finished::of(&wait_at_most(job, Duration::from_secs(60)));
+    assert!(stopped.stdout.contains("env steps, saved. Go on with:  canter resume run"), "{stopped:?}");
+    let iterations = fs::read_to_string(folder.join("run/metrics.jsonl")).unwrap().lines().count() as u64;
+    assert_eq!(newest(&folder.join("run")), iterations);
+}
+
+#[test]
+fn what_is_wrong_is_said_once() {
+    let folder = TemporaryFolder::new();
+    for (num_ranks, args, code, message) in [
+        (2, vec!["train", "--set", "ppo.gama=0.9"], 1, "unknown key `ppo.gama`"),
+        (2, vec!["train", "--nonsense"], 2, "unexpected argument '--nonsense'"),
+        (2, vec!["robots"], 1, "only `train`, `resume` and `compare` work together; leave mpirun out"),
+        (2, vec!["resume", "nowhere"], 1, "nowhere: no run directory"),
+        (5, sharded("5120", "run", "1"), 1, "5 ranks were started for 4 environments, and each needs one"),
+    ] {
+        let finished = finished(mpirun(folder.path(), num_ranks, &args));
+        assert_eq!((finished.code, finished.stdout.as_str()), (Some(code), ""), "{args:?}: {finished:?}");
+        assert_eq!(finished.stderr.matches("error: ").count(), 1, "{args:?}: {}", finished.stderr);
+        assert!(finished.stderr.contains(message), "{args:?}: {}", finished.stderr);
+    }
+    assert_eq!(names(folder.path()), [""; 0]);
+}
+
+#[test]
+fn a_rank_that_cannot_write_ends_the_job_with_its_message() {
+    let folder = TemporaryFolder::new();
+    let job = mpirun(folder.path(), 2, &sharded(ENDLESS, "run", "1")).spawn().unwrap();
+    let mut job = job;
+    wait_for_checkpoint(&folder.join("run"), 2, &mut job);
+    fs::remove_dir_all(folder.join("run")).unwrap();
+    let finished = Finished::of(&wait_at_most(job, Duration::from_secs(10)));
+    assert_ne!(finished.code, Some(0));
+    assert!(finished.stderr.contains("error: run/"), "{}", finished.stderr);
+}
+
+#[test]
+fn a_comparison_is_spread_over_ranks_and_ends_with_the_bytes_of_one_process() {
+    let folder = TemporaryFolder::new();
+    let compare = |out: &'static str| {
+        ["compare", "--quick", "--budget", "6144", "--rungs", "doggo,paper", "--out", out, "--threads", "1"]
+    };
+    folder.canter(&compare("alone")).succeeded();
+    finished(mpirun(folder.path(), 3, &compare("spread"))).succeeded();
+    let read = |name: &str| fs::read(folder.join(name)).unwrap();
+    assert!(read("spread/compare.json") == read("alone/compare.json"));
+    for job in ["doggo-1", "doggo-2", "paper-1", "paper-2"] {
+        let [spread, alone] = ["spread", "alone"].map(|out| read(&format!("{out}/{job}/policy.safetensors")));
+        assert!(spread == alone, "{job}");
+    }
+}

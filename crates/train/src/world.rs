@@ -119,6 +119,12 @@ impl Communicator for World {
 
 /// Gathers what fits into one call of MPI.
 fn gather(own: &[u8], lengths: &[usize], all: &mut [u8]) {
+    if all.is_empty() {
+        return;
+    }
+    // An empty slice may point to address 1, which Open MPI takes for MPI_IN_PLACE.
+    static NOTHING: [u8; 1] = [0];
+    let own = if own.is_empty() { &NOTHING[..0] } else { own };
     let counts: Vec<i32> = lengths.iter().map(|&length| length as i32).collect();
     let starts = counts.iter().scan(0, |next, &count| {
         let start = *next;

@@ -85,6 +85,19 @@ pub fn test_exports(root: &Path, python: &Path) -> Result<(), Failure> {
     passed(cargo(root, "test").args(exports).env("CANTER_PYTHON", python).status().map_err(cannot_start_cargo)?)
 }
 
+/// Tests of ranks, which need MPI to be built and started: plain `cargo test` leaves them out.
+pub fn test_ranks(root: &Path) -> Result<(), Failure> {
+    let features = ["--release", "--package", "canter", "--package", "canter-train", "--features", "canter/mpi"];
+    let lints = [&features[..], &["--all-targets", "--", "-D", "warnings"]].concat();
+    passed(cargo(root, "clippy").args(lints).status().map_err(cannot_start_cargo)?)?;
+    let world = ["--release", "--package", "canter-train", "--features", "mpi", "--lib", "world::"];
+    passed(cargo(root, "test").args(world).status().map_err(cannot_start_cargo)?)?;
+    // One job at a time: each has as many processes as the machine has cores.
+    let ranks =
+        ["--release", "--package", "canter", "--features", "mpi", "--test", "mpi", "--", "--test-threads=1"];
+    passed(cargo(root, "test").args(ranks).status().map_err(cannot_start_cargo)?)
+}
+
 /// Tests of full and read-only disks, which have to be mounted: plain `cargo test` leaves them out.
 pub fn test_disks(root: &Path) -> Result<(), Failure> {
     let disks = ["--release", "--package", "canter", "--test", "reliability", "disk::", "--", "--ignored"];

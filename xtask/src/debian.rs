@@ -13,6 +13,9 @@ pub const EXPORTS: [&str; 4] = ["clang", "gcc-arm-none-eabi", "libnewlib-arm-non
 /// What text in PNG figures is drawn with.
 pub const FONTS: [&str; 1] = ["fonts-dejavu-core"];
 
+/// What ranks are built and started with: MPI with its compiler wrapper, and what reads MPI's C headers.
+pub const RANKS: [&str; 3] = ["openmpi-bin", "libopenmpi-dev", "clang"];
+
 /// Installs the packages that are missing, where this is root; elsewhere says how.
 ///
 /// Where there is no `dpkg` nothing is done: the tests themselves say what they miss.

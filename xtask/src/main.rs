@@ -27,8 +27,8 @@ Tasks:
   canter ARGS...       build the program `canter` and run it with ARGS; `cargo canter ARGS...` is the same
   setup                fetch the physics engine MuJoCo into .mujoco/ (26 MB, once); canter and test do it when needed
   test [--full]        run every test and documentation example; --full adds those that need Python packages or
-                       Debian's (OpenGL, ffmpeg, a font, Chromium, compilers, QEMU), and installs them, and mounts a
-                       full disk; --only-full runs these alone
+                       Debian's (OpenGL, ffmpeg, a font, Chromium, compilers, QEMU, MPI), and installs them, and mounts
+                       a full disk; --only-full runs these alone
   wheel                build the Python package with the program and MuJoCo's library in it
   python [--sb3]       build that, install it into a new Python environment and run its tests there; --sb3 adds those
                        with Stable-Baselines3 (4 GB)
@@ -94,10 +94,11 @@ fn run(task: Option<OsString>, arguments: &[OsString]) -> Result<(), Failure> {
                 builds::test(&root)?;
             }
             if full || only_full {
-                debian::ensure(&[&debian::FILMS[..], &debian::FONTS, &debian::EXPORTS].concat())?;
+                debian::ensure(&[&debian::FILMS[..], &debian::FONTS, &debian::EXPORTS, &debian::RANKS].concat())?;
                 builds::test_films(&root)?;
                 builds::test_disks(&root)?;
                 builds::test_png(&root)?;
+                builds::test_ranks(&root)?;
                 full::tensorboard(&root)?;
                 full::exports(&root)?;
                 browser::test(&root)?;

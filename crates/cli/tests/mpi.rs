@@ -31,7 +31,7 @@ const SHARDED: [&str; 10] = [
 /// More env steps than anybody waits for.
 const ENDLESS: &str = "100000000";
 
-/// canter on this many ranks; it may use all cores, and mpirun waits for a stop to be saved.
+/// canter on this many ranks, which may use all cores.
 fn mpirun(folder: &Path, num_ranks: usize, args: &[&str]) -> Command {
     let canter = canter_in(folder, args);
     let mut command = Command::new("mpirun");
@@ -44,7 +44,6 @@ fn mpirun(folder: &Path, num_ranks: usize, args: &[&str]) -> Command {
         ("OMPI_ALLOW_RUN_AS_ROOT_CONFIRM", "1"),
         ("OMPI_MCA_rmaps_base_oversubscribe", "1"),
         ("OMPI_MCA_hwloc_base_binding_policy", "none"),
-        ("OMPI_MCA_odls_base_sigkill_timeout", "60"),
     ] {
         command.env(name, value);
     }
@@ -70,7 +69,9 @@ fn outcome(run: &Path) -> BTreeMap<String, Vec<u8>> {
     let metrics = fs::read_to_string(run.join("metrics.jsonl")).unwrap();
     let without_times = |line: &str| {
         let mut line: Value = serde_json::from_str(line).unwrap();
-        ["collect_s", "update_s"].map(|key| line.as_object_mut().unwrap().remove(key).unwrap());
+        for key in ["collect_s", "update_s"] {
+            assert!(line.as_object_mut().unwrap().remove(key).is_some());
+        }
         format!("{line}\n")
     };
     outcome.insert("metrics.jsonl".to_owned(), metrics.lines().map(without_times).collect::<String>().into_bytes());
@@ -224,7 +225,10 @@ fn finished_resume(folder: &TemporaryFolder, run: &str, num_ranks: usize) {
 #[test]
 fn a_signal_to_mpirun_saves_and_says_how_to_go_on() {
     let folder = TemporaryFolder::new();
-    let mut job = mpirun(folder.path(), 2, &sharded(ENDLESS, "run", "1")).spawn().unwrap();
+    let mut command = mpirun(folder.path(), 2, &sharded(ENDLESS, "run", "1"));
+    // So long it lets the ranks save, and waits in any case.
+    command.env("OMPI_MCA_odls_base_sigkill_timeout", "5");
+    let mut job = command.spawn().unwrap();
     wait_for_checkpoint(&folder.join("run"), 2, &mut job);
     signal(job.id(), "INT");
     let stopped = Finished::of(&wait_at_most(job, Duration::from_secs(60)));
@@ -254,8 +258,7 @@ fn what_is_wrong_is_said_once() {
 #[test]
 fn a_rank_that_cannot_write_ends_the_job_with_its_message() {
     let folder = TemporaryFolder::new();
-    let job = mpirun(folder.path(), 2, &sharded(ENDLESS, "run", "1")).spawn().unwrap();
-    let mut job = job;
+    let mut job = mpirun(folder.path(), 2, &sharded(ENDLESS, "run", "1")).spawn().unwrap();
     wait_for_checkpoint(&folder.join("run"), 2, &mut job);
     fs::remove_dir_all(folder.join("run")).unwrap();
     let finished = Finished::of(&wait_at_most(job, Duration::from_secs(10)));
@@ -267,13 +270,13 @@ fn a_rank_that_cannot_write_ends_the_job_with_its_message() {
 fn a_comparison_is_spread_over_ranks_and_ends_with_the_bytes_of_one_process() {
     let folder = TemporaryFolder::new();
     let compare = |out: &'static str| {
-        ["compare", "--quick", "--budget", "6144", "--rungs", "doggo,paper", "--out", out, "--threads", "1"]
+        ["compare", "--quick", "--budget", "4096", "--rungs", "paper", "--out", out, "--threads", "1"]
     };
     folder.canter(&compare("alone")).succeeded();
     finished(mpirun(folder.path(), 3, &compare("spread"))).succeeded();
     let read = |name: &str| fs::read(folder.join(name)).unwrap();
     assert!(read("spread/compare.json") == read("alone/compare.json"));
-    for job in ["doggo-1", "doggo-2", "paper-1", "paper-2"] {
+    for job in ["paper-1", "paper-2"] {
         let [spread, alone] = ["spread", "alone"].map(|out| read(&format!("{out}/{job}/policy.safetensors")));
         assert!(spread == alone, "{job}");
     }

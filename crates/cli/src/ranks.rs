@@ -12,7 +12,7 @@ use serde_json::{Map, Value};
 use crate::args::Command;
 use crate::error::CliError;
 #[cfg(feature = "mpi")]
-use crate::output::complain;
+use crate::output::{ERROR, complain};
 
 /// What a training says at the first signal.
 #[cfg_attr(not(feature = "mpi"), expect(dead_code, reason = "without MPI there is one rank"))]
@@ -115,16 +115,10 @@ impl Ranks {
         }
         let world = Arc::new(World::enter()?);
         if WORLD.set(world.clone()).is_ok() {
-            let hook = std::panic::take_hook();
-            std::panic::set_hook(Box::new(move |panic| {
-                hook(panic);
-                complain(&format!(
-                    "{}this was rank {}, without which the others cannot go on",
-                    crate::output::ERROR,
-                    rank()
-                ));
-                end_all();
-            }));
+            let rank = world.rank();
+            world.abort_on_panic(move || {
+                complain(&format!("{ERROR}this was rank {rank}, without which the others cannot go on"));
+            });
         }
         Ok(Self { communicator: world.clone(), world: Some(world) })
     }

@@ -7,11 +7,14 @@ mod common;
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
-use std::process::{Child, Command};
+use std::process::{Child, Command, Stdio};
+use std::sync::Arc;
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
-use common::{Finished, TemporaryFolder, canter_in, names, train_args_with_steps};
+use canter_learn::communicator::Communicator;
+use canter_train::world::World;
+use common::{Finished, TemporaryFolder, names, train_args_with_steps};
 use serde_json::Value;
 
 /// Minibatches of four shards and of one, episodes that end, a checkpoint every second iteration.
@@ -33,12 +36,15 @@ const ENDLESS: &str = "100000000";
 
 /// canter on this many ranks, which may use all cores.
 fn mpirun(folder: &Path, num_ranks: usize, args: &[&str]) -> Command {
-    let canter = canter_in(folder, args);
+    start(folder, num_ranks, env!("CARGO_BIN_EXE_canter"), args)
+}
+
+/// A program on this many ranks.
+fn start(folder: &Path, num_ranks: usize, program: &str, args: &[&str]) -> Command {
     let mut command = Command::new("mpirun");
-    command.arg("-n").arg(num_ranks.to_string()).arg(canter.get_program()).args(args);
+    command.args(["-n", &num_ranks.to_string(), program]).args(args).current_dir(folder);
     // As `canter_in`, and with what mpirun needs: its own programs, and Open MPI's leave for root and for few cores.
-    command.current_dir(folder).env_clear().env("PATH", std::env::var_os("PATH").unwrap()).env("COLUMNS", "100");
-    command.env("TMPDIR", std::env::temp_dir());
+    command.env_clear().env("PATH", std::env::var_os("PATH").unwrap()).env("COLUMNS", "100");
     for (name, value) in [
         ("OMPI_ALLOW_RUN_AS_ROOT", "1"),
         ("OMPI_ALLOW_RUN_AS_ROOT_CONFIRM", "1"),
@@ -47,10 +53,7 @@ fn mpirun(folder: &Path, num_ranks: usize, args: &[&str]) -> Command {
     ] {
         command.env(name, value);
     }
-    command
-        .stdin(std::process::Stdio::null())
-        .stdout(std::process::Stdio::piped())
-        .stderr(std::process::Stdio::piped());
+    command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
     command
 }
 
@@ -264,6 +267,33 @@ fn a_rank_that_cannot_write_ends_the_job_with_its_message() {
     let finished = Finished::of(&wait_at_most(job, Duration::from_secs(10)));
     assert_ne!(finished.code, Some(0));
     assert!(finished.stderr.contains("error: run/"), "{}", finished.stderr);
+}
+
+/// What the ranks of the next test do.
+#[test]
+#[ignore = "mpirun starts it"]
+fn rank_1_panics() {
+    let world = Arc::new(World::enter().unwrap());
+    world.abort_on_panic(|| eprintln!("told"));
+    if world.rank() == 1 {
+        // As in training, where workers are threads of their own.
+        let _ = std::thread::spawn(|| panic!("a bug")).join();
+    }
+    if world.num_ranks() > 1 {
+        world.all_gather(&[1], &[1, 1], &mut [0; 2]);
+    }
+    world.leave();
+}
+
+#[test]
+fn a_rank_that_panics_ends_the_job_with_its_message() {
+    let folder = TemporaryFolder::new();
+    let tests = std::env::current_exe().unwrap();
+    let args = ["--ignored", "--nocapture", "rank_1_panics"];
+    let mut command = start(folder.path(), 2, tests.to_str().unwrap(), &args);
+    let finished = Finished::of(&wait_at_most(command.spawn().unwrap(), Duration::from_secs(10)));
+    assert_eq!(finished.code, Some(101), "{finished:?}");
+    assert!(finished.stderr.contains("a bug") && finished.stderr.contains("told"), "{}", finished.stderr);
 }
 
 #[test]

@@ -3,7 +3,7 @@
 //! Which MPI sums up in which order is up to MPI; bytes that are gathered and added here are in ours.
 
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
 use ::mpi::Threading;
@@ -15,6 +15,9 @@ use canter_learn::communicator::Communicator;
 
 /// Most bytes that one call gathers: MPI counts them with 31 bits.
 const MAX_BYTES: usize = 1 << 30;
+
+/// Exit code of a Rust program that panics.
+const PANICKED: i32 = 101;
 
 /// Why there is no world.
 #[derive(Debug, thiserror::Error)]
@@ -85,6 +88,17 @@ impl World {
             return;
         }
         SimpleCommunicator::world().abort(exit_code);
+    }
+
+    /// From now on a panic on any thread of this rank ends all ranks, which would wait for it in vain. `tell` is called after
+    /// the panic's own message.
+    pub fn abort_on_panic(self: &Arc<Self>, tell: impl Fn() + Send + Sync + 'static) {
+        let (world, own_message) = (self.clone(), std::panic::take_hook());
+        std::panic::set_hook(Box::new(move |panic| {
+            own_message(panic);
+            tell();
+            world.abort(PANICKED);
+        }));
     }
 
     /// Bytes that came from other ranks.

@@ -93,8 +93,7 @@ pub fn test_ranks(root: &Path) -> Result<(), Failure> {
     let world = ["--release", "--package", "canter-train", "--features", "mpi", "--lib", "world::"];
     passed(cargo(root, "test").args(world).status().map_err(cannot_start_cargo)?)?;
     // One job at a time: each has as many processes as the machine has cores.
-    let ranks =
-        ["--release", "--package", "canter", "--features", "mpi", "--test", "mpi", "--", "--test-threads=1"];
+    let ranks = ["--release", "--package", "canter", "--features", "mpi", "--test", "mpi", "--", "--test-threads=1"];
     passed(cargo(root, "test").args(ranks).status().map_err(cannot_start_cargo)?)
 }
 

@@ -160,6 +160,10 @@ pub(crate) fn agree(trainer: &Trainer, is_stopped: bool) -> Result<bool, RanksEr
 
 /// A number that differs where one of the parameters does.
 ///
+/// ```text
+/// hash = (hash xor bits of the parameter) 1099511628211 mod 2^64,   for each parameter in turn
+/// ```
+///
 /// Source: Fowler, Noll and Vo, FNV-1a with 64 bits, over words instead of bytes.
 fn fingerprint(parameters: &[f32]) -> u64 {
     const BASIS: u64 = 0xcbf2_9ce4_8422_2325;

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use canter_report::ReportError;
+use canter_serve::ServeError;
 use canter_sim::RobotError;
 #[cfg(feature = "view")]
 use canter_sim::mujoco::viewer::ViewError;
@@ -50,6 +51,8 @@ pub enum CliError {
     Policy(#[from] PolicyError),
     #[error("cannot report: {0}")]
     Report(#[from] ReportError),
+    #[error(transparent)]
+    Serve(#[from] ServeError),
     #[error(transparent)]
     Film(#[from] FilmError),
     #[cfg(feature = "view")]

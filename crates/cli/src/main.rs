@@ -68,6 +68,7 @@ fn run(command: Command) -> Result<ExitCode, CliError> {
         Command::Compare(args) => commands::compare::compare(&args),
         Command::Sweep(args) => commands::sweep::sweep(&args),
         Command::Report(args) => commands::report::report(&args),
+        Command::Serve(args) => commands::serve::serve(&args),
         Command::Export(args) => commands::export::export(&args),
         Command::Run(args) => commands::run::run(&args),
         Command::Film(args) => commands::film::film(&args),

@@ -3,6 +3,8 @@
 use std::fs::{self, File, OpenOptions, TryLockError};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
+use std::thread;
+use std::time::Duration;
 
 use canter_sim::Task;
 use canter_sim::file;
@@ -467,15 +469,22 @@ fn config_path(run: &Path) -> PathBuf {
 }
 
 /// Holds a folder for this process, until the file is dropped.
+///
+/// Who looks whether a run is written (`canter serve`) holds its lock for a moment: one refusal is none.
 pub(crate) fn lock_folder(path: &Path) -> Result<File, RunError> {
+    const TRIES: u32 = 5;
+    const PAUSE: Duration = Duration::from_millis(20);
     let lock_path = path.join(LOCK_NAME);
     let options = OpenOptions::new().create(true).append(true).open(&lock_path);
     let lock = options.map_err(|source| io_error(&lock_path, source))?;
-    match lock.try_lock() {
-        Ok(()) => Ok(lock),
-        Err(TryLockError::WouldBlock) => Err(RunError::Locked(path.to_owned())),
-        Err(TryLockError::Error(source)) => Err(io_error(&lock_path, source)),
+    for _ in 0..TRIES {
+        match lock.try_lock() {
+            Ok(()) => return Ok(lock),
+            Err(TryLockError::WouldBlock) => thread::sleep(PAUSE),
+            Err(TryLockError::Error(source)) => return Err(io_error(&lock_path, source)),
+        }
     }
+    Err(RunError::Locked(path.to_owned()))
 }
 
 /// Makes `folder/<stem>-<n>` with the first free n.

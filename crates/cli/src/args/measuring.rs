@@ -1,5 +1,6 @@
 //! Measuring and showing what was learned.
 
+use std::net::{IpAddr, Ipv4Addr};
 use std::path::PathBuf;
 
 use clap::Args;
@@ -86,6 +87,28 @@ pub struct ReportArgs {
     /// Folder for the report; the run directory itself if one run is given without it
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  canter serve                                     the runs in runs/, at http://127.0.0.1:8317/
+  canter serve experiments --port 0                other runs, at any free port
+  canter serve runs/doggo-1-1                      one run
+
+The page lists runs, draws their curves while they train, holds verdicts side by side and shows the robot in 3D, the
+learned gait beside the default ones. It reads the runs' files and changes nothing; no other page and no other machine
+can ask it. To see it from your desk while it runs elsewhere: ssh -L 8317:127.0.0.1:8317 THAT_MACHINE.")]
+pub struct ServeArgs {
+    /// The folder that holds the runs, at any depth; `runs` if not given
+    #[arg(value_name = "RUNS")]
+    pub folder: Option<PathBuf>,
+    /// The port; 0 for any free one
+    #[arg(long, value_name = "PORT", default_value_t = 8317)]
+    pub port: u16,
+    /// The address to listen at; 0.0.0.0 lets every machine of your network read the runs
+    #[arg(long, value_name = "ADDRESS", default_value_t = IpAddr::V4(Ipv4Addr::LOCALHOST))]
+    pub host: IpAddr,
 }
 
 #[derive(Debug, Args)]

@@ -10,7 +10,7 @@ use clap::{Args, Parser, Subcommand};
 
 pub use exporting::{ExportArgs, ExportFormat, RunArgs};
 pub use learning::{CompareArgs, ConfigArgs, ReplayArgs, ResumeArgs, SweepArgs, TrainArgs};
-pub use measuring::{EvalArgs, FilmArgs, ReportArgs, RobustnessArgs, ViewArgs};
+pub use measuring::{EvalArgs, FilmArgs, ReportArgs, RobustnessArgs, ServeArgs, ViewArgs};
 pub use robots::{
     CompileModelArgs, FitShape, GaitArgs, GaitCommand, GaitFitArgs, GaitTableArgs, RobotArgs, RobotCheckArgs,
     RobotCommand, RobotNewArgs, RobotsArgs,
@@ -49,6 +49,8 @@ pub enum Command {
     Sweep(SweepArgs),
     /// Draw runs, a comparison or a sweep: one HTML page, figures, tables
     Report(ReportArgs),
+    /// Watch runs in the browser: live curves, verdicts side by side, the robot in 3D
+    Serve(ServeArgs),
     /// Take a learned gait onto the robot: C, ONNX, Rust, a table, gait parameters
     Export(ExportArgs),
     /// Run a learned gait on a robot: readings in, targets out, line by line

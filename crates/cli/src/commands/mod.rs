@@ -14,6 +14,7 @@ pub mod robot_new;
 pub mod robots;
 pub mod robustness;
 pub mod run;
+pub mod serve;
 pub mod shell;
 pub mod sweep;
 pub mod train;

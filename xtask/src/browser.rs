@@ -1,12 +1,13 @@
-//! Opens reports in a browser. Needs Debian's chromium and Python.
+//! Opens reports and the dashboard in a browser. Needs Debian's chromium and Python.
 
 use std::path::Path;
 use std::process::Command;
 
 use crate::Failure;
-use crate::builds::{cannot_start_cargo, cargo, passed, target_dir};
+use crate::builds::{build_canter, cannot_start_cargo, cargo, passed, target_dir};
 
-/// Makes sample reports and has `tests/browser/test_page.py` open them; screenshots stay in the target folder.
+/// Makes sample reports and has `tests/browser/test_page.py` open them, and `test_dashboard.py` the page of `canter serve`,
+/// which has to be built; screenshots stay in the target folder.
 pub fn test(root: &Path) -> Result<(), Failure> {
     let example = "sample_reports";
     let status = cargo(root, "build")
@@ -15,12 +16,14 @@ pub fn test(root: &Path) -> Result<(), Failure> {
         .map_err(cannot_start_cargo)?;
     passed(status)?;
     let folder = target_dir(root).join("browser-test");
+    let screenshots = folder.join("screenshots");
     run(Command::new(target_dir(root).join("release/examples").join(example)).arg(&folder))?;
-    run(Command::new("python3")
-        .arg(root.join("tests/browser/test_page.py"))
-        .arg(&folder)
-        .arg(folder.join("screenshots")))?;
-    println!("browser: the reports pass; screenshots are in {}", folder.join("screenshots").display());
+    let tests = root.join("tests/browser");
+    run(Command::new("python3").arg(tests.join("test_page.py")).arg(&folder).arg(&screenshots))?;
+    let canter = build_canter(root)?;
+    let dashboard = folder.join("dashboard");
+    run(Command::new("python3").arg(tests.join("test_dashboard.py")).arg(canter).arg(dashboard).arg(&screenshots))?;
+    println!("browser: reports and dashboard pass; screenshots are in {}", screenshots.display());
     Ok(())
 }
 

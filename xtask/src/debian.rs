@@ -2,7 +2,7 @@
 
 use std::process::{Command, Stdio};
 
-use crate::Failure;
+use crate::{Failure, web};
 
 /// What films are drawn with: OpenGL on the processor, and what puts pictures into an MP4.
 pub const FILMS: [&str; 3] = ["libegl1", "libgl1-mesa-dri", "ffmpeg"];
@@ -15,6 +15,17 @@ pub const FONTS: [&str; 1] = ["fonts-dejavu-core"];
 
 /// What ranks are built and started with: MPI with its compiler wrapper, and what reads MPI's C headers.
 pub const RANKS: [&str; 3] = ["openmpi-bin", "libopenmpi-dev", "clang"];
+
+/// What the dashboard's page is built with.
+const NODE: [&str; 2] = ["nodejs", "npm"];
+
+/// Installs Node and npm where there is no npm, wherever it came from.
+///
+/// # Errors
+/// As [`ensure`].
+pub fn ensure_npm() -> Result<(), Failure> {
+    if web::has_npm() { Ok(()) } else { ensure(&NODE) }
+}
 
 /// Installs the packages that are missing, where this is root; elsewhere says how.
 ///

@@ -11,6 +11,7 @@ mod mujoco;
 mod python;
 mod robots;
 mod source;
+mod web;
 
 use std::env;
 use std::ffi::OsString;
@@ -29,6 +30,7 @@ Tasks:
   test [--full]        run every test and documentation example; --full adds those that need Python packages or
                        Debian's (OpenGL, ffmpeg, a font, Chromium, compilers, QEMU, MPI), and installs them, and mounts
                        a full disk; --only-full runs these alone
+  web                  build the page of `canter serve`, which needs Node and npm; `canter serve` here does it when needed
   wheel                build the Python package with the program and MuJoCo's library in it
   python [--sb3]       build that, install it into a new Python environment and run its tests there; --sb3 adds those
                        with Stable-Baselines3 (4 GB)
@@ -78,6 +80,9 @@ fn run(task: Option<OsString>, arguments: &[OsString]) -> Result<(), Failure> {
     match task.as_ref() {
         "canter" => {
             mujoco::ensure(&root)?;
+            if arguments.first().is_some_and(|command| command == "serve") {
+                web::ensure_where_npm_is(&root)?;
+            }
             Err(builds::build_and_become_canter(&root, arguments))
         }
         "setup" => {
@@ -101,14 +106,22 @@ fn run(task: Option<OsString>, arguments: &[OsString]) -> Result<(), Failure> {
                 builds::test_ranks(&root)?;
                 full::tensorboard(&root)?;
                 full::exports(&root)?;
+                debian::ensure_npm()?;
+                web::build(&root)?;
+                web::test(&root)?;
                 browser::test(&root)?;
                 python::test(&root, false)?;
             }
             Ok(())
         }
+        "web" => {
+            flags(&task, arguments, &[])?;
+            web::build(&root)
+        }
         "wheel" => {
             flags(&task, arguments, &[])?;
             mujoco::ensure(&root)?;
+            web::ensure_where_npm_is(&root)?;
             println!("{}", python::wheel(&root)?.display());
             Ok(())
         }

@@ -34,6 +34,7 @@ fn help() {
         "compare",
         "sweep",
         "report",
+        "serve",
         "export",
         "run",
         "film",

@@ -96,9 +96,10 @@ Examples:
   canter serve experiments --port 0                other runs, at any free port
   canter serve runs/doggo-1-1                      one run
 
-The page lists runs, draws their curves while they train, holds verdicts side by side and shows the robot in 3D, the
-learned gait beside the default ones. It reads the runs' files and changes nothing; no other page and no other machine
-can ask it. To see it from your desk while it runs elsewhere: ssh -L 8317:127.0.0.1:8317 THAT_MACHINE.")]
+The page lists runs, draws their curves while they train, holds verdicts side by side and shows
+the robot in 3D, the learned gait beside the default ones. It reads the runs' files and changes
+nothing; no other page can ask it, and no other machine. To see a training on another machine:
+ssh -L 8317:127.0.0.1:8317 THAT_MACHINE, and canter serve there.")]
 pub struct ServeArgs {
     /// The folder that holds the runs, at any depth; `runs` if not given
     #[arg(value_name = "RUNS")]

@@ -56,6 +56,20 @@ fn a_report_needs_what_it_reports_on() {
 }
 
 #[test]
+fn a_dashboard_needs_a_folder_and_a_port() {
+    let folder = TemporaryFolder::new();
+    fs::write(folder.join("file"), "").unwrap();
+    let said = |args: &[&str]| folder.canter(args).failed_with(1);
+    assert!(said(&["serve", "missing"]).starts_with("error: missing: "));
+    assert_eq!(said(&["serve", "file"]), "error: file is no folder; name the one that holds your runs\n");
+    let taken = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+    let port = taken.local_addr().unwrap().port().to_string();
+    let message = said(&["serve", ".", "--port", &port]);
+    assert!(message.ends_with("Choose another port with --port, or any free one with --port 0\n"), "{message}");
+    assert_eq!(names(folder.path()), ["file"]);
+}
+
+#[test]
 fn unknown_presets() {
     let message = "no preset is called `doggoo`: there are `doggo`, `paper`, `minitaur`, `q8bot`, `quad12`, `hexapod`, `octopod`, `doggo-robust`, `minitaur-robust`, `q8bot-robust`, `quad12-robust`, `hexapod-robust`, `octopod-robust`; a configuration of your own is given by the path \
                    of its .toml file";

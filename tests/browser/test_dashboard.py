@@ -130,6 +130,22 @@ def check_live(browser, server, canter, runs):
     check_no_complaints(browser, server, "a live run")
 
 
+def check_end(browser, server, canter, runs):
+    """A run that is shown before its end gets its verdict and its robot without a reload."""
+    select(browser, server)
+    browser.evaluate("window.isTheSamePage = true")
+    training = train(canter, runs / "ends", SHORT)
+    browser.until(f"!!{row('ends')}", "a training does not appear")
+    browser.evaluate(f"{row('ends')}.querySelector('input[type=checkbox]').click()")
+    check(training.wait() == 0, "a training failed")
+    browser.until(f"{row('ends')}.dataset.state === 'finished'", "a verdict is not seen")
+    judged = "[...document.querySelectorAll('#verdict-tables tbody th')].some(name => name.textContent === 'ends')"
+    browser.until(judged, "a verdict does not appear")
+    browser.until("[...document.getElementById('view').options].some(run => run.value === 'ends')", "a robot does not appear")
+    check(browser.evaluate("window.isTheSamePage"), "the page was loaded again")
+    check_no_complaints(browser, server, "a run's end")
+
+
 def check_comparison(browser, server, runs):
     """Both verdicts stand side by side, as the files have them."""
     select(browser, server, "first", "more/second")
@@ -231,6 +247,7 @@ def main():
         browser = Browser(profile)
         try:
             check_live(browser, server, canter, runs)
+            check_end(browser, server, canter, runs)
             check_comparison(browser, server, runs)
             check_3d(browser, server, shots)
             check_hostile(browser, server)

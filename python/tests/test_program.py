@@ -11,7 +11,8 @@ FOLDER = pathlib.Path(canter.__file__).parent
 
 
 def test_the_program_is_the_packages(program, tmp_path):
-    assert program("--version", cwd=tmp_path).strip() == f"canter {canter.__version__}"
+    # Its commit may stand behind it.
+    assert program("--version", cwd=tmp_path).split()[:2] == ["canter", canter.__version__]
     assert importlib.metadata.version("canter") == canter.__version__
 
 

@@ -12,6 +12,7 @@ mod output;
 mod progress;
 mod ranks;
 mod verdict;
+mod version;
 
 use std::process::ExitCode;
 

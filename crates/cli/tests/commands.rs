@@ -67,6 +67,8 @@ fn a_training_ends_with_a_verdict_and_its_files() {
     assert_eq!(env_steps, [128, 256, 384, 512]);
     let run_json = json(&fs::read_to_string(run.join("run.json")).unwrap());
     assert_eq!((&run_json["threads"], &run_json["env_steps"]), (&Value::from(2), &Value::from(512)));
+    let commit = env!("CANTER_STAMP").split(' ').next().filter(|commit| !commit.is_empty());
+    assert_eq!(run_json.get("commit").and_then(Value::as_str), commit);
     assert!(run_json["train_s"].as_f64().unwrap() > 0.0);
     // The resolved configuration is complete: it is a preset itself.
     let resolved = folder.canter(&["config", "run/config.toml"]).succeeded();

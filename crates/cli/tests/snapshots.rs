@@ -56,7 +56,10 @@ fn help() {
     // Without arguments the help is the complaint.
     assert_snapshot("help-nothing.txt", &folder.canter(&[]).failed_with(2));
     let version = folder.canter(&["--version"]).succeeded();
-    assert_eq!(version, format!("canter {}\n", env!("CARGO_PKG_VERSION")));
+    // Behind it stands the commit, where there is one.
+    let stamp = env!("CANTER_STAMP");
+    let stamp = if stamp.is_empty() { String::new() } else { format!(" ({stamp})") };
+    assert_eq!(version, format!("canter {}{stamp}\n", env!("CARGO_PKG_VERSION")));
     assert_eq!(common::names(folder.path()), Vec::<String>::new());
 }
 

@@ -17,11 +17,13 @@ pub use robots::{
 };
 pub use shell::{CompletionsArgs, ManArgs};
 
+use crate::version::VERSION;
+
 /// Learns a faster version of a legged robot's own gait, in simulation.
 ///
 /// A first run: `canter train` trains Stanford Doggo's trot for a minute and says how much faster it became.
 #[derive(Debug, Parser)]
-#[command(name = "canter", version, arg_required_else_help = true, after_help = EXIT_CODES)]
+#[command(name = "canter", version = VERSION, arg_required_else_help = true, after_help = EXIT_CODES)]
 pub struct Cli {
     #[command(subcommand)]
     pub command: Command,

@@ -25,6 +25,7 @@ use crate::output::{complain, event, program, say, set_log_format};
 use crate::progress::ProgressLine;
 use crate::ranks::Ranks;
 use crate::verdict::describe;
+use crate::version;
 
 /// Dumps of blow-ups that a training tells of; the others lie beside them.
 const MAX_DUMPS_TOLD: usize = 3;
@@ -200,6 +201,9 @@ fn go_on(ranks: &Ranks, Prepared { mut trainer, directory, workers, .. }: Prepar
             ("update_s", update_s.into()),
         ] {
             card.insert(key.to_owned(), value);
+        }
+        if let Some(commit) = version::commit() {
+            card.insert("commit".to_owned(), commit.into());
         }
         directory.write_json("run.json", &Value::Object(card))?;
         say(&format!(

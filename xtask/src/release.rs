@@ -1,0 +1,289 @@
+//! Release archives: the program with all that it needs on a machine that has neither Rust nor MuJoCo, and the wheel. The
+//! same commit gives the same bytes, wherever the checkout lies.
+
+use std::env;
+use std::ffi::OsString;
+use std::fs::{self, File};
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::time::UNIX_EPOCH;
+
+use crate::builds::{self, cargo, target_dir};
+use crate::full::{finish, python_with};
+use crate::portable::{self, BUILD_PACKAGES, MACHINE, Places, copy, failed, remove};
+use crate::{Failure, python};
+
+/// Where the program in the archive looks for MuJoCo's library.
+const RUN_PATH: &str = "$ORIGIN/../lib";
+
+/// What is in the archive as it is in the checkout.
+const DOCUMENTS: [&str; 5] = ["README.md", "CHANGELOG.md", "LICENSE", "LICENSE-MIT", "LICENSE-APACHE"];
+
+/// Shells, and where each of them looks for completions below `share`.
+const COMPLETIONS: [(&str, &str); 3] = [
+    ("bash", "bash-completion/completions/canter"),
+    ("zsh", "zsh/site-functions/_canter"),
+    ("fish", "fish/vendor_completions.d/canter.fish"),
+];
+
+/// What the archive is made from.
+struct Commit {
+    /// [s since 1970]
+    time: String,
+}
+
+/// Makes `target/release-archives/`: archive, wheel, and the hash of each. Gives their paths.
+///
+/// # Errors
+/// A tree with changes, unless they are allowed; what could not be built.
+pub fn make(root: &Path, allow_changes: bool) -> Result<Vec<PathBuf>, Failure> {
+    let commit = commit(root, allow_changes)?;
+    let folder = target_dir(root).join("release-archives");
+    remove(&folder)?;
+    let python = python_with(&python::folder(root)?, &BUILD_PACKAGES)?;
+
+    // What the program embeds and cargo does not make has to be built here, before the program.
+    let environment = same_everywhere(root, &commit)?;
+    let mut build = cargo(root, "build");
+    build.args(["--release", "--locked", "--package", "canter"]).envs(environment.clone());
+    builds::passed(build.status().map_err(builds::cannot_start_cargo)?)?;
+    let canter = build_folder(root).join("release/canter");
+    names_no_place(&canter, &[root, &cargo_home()])?;
+
+    let archive = pack(&stage(root, &canter, &python, &folder.join("stage"))?, &folder, &commit)?;
+    remove(&folder.join("stage"))?;
+    let wheel = python::wheel_of(root, &canter, &environment)?;
+    let beside = folder.join(wheel.file_name().unwrap_or_default());
+    copy(&wheel, &beside)?;
+    Ok(vec![with_hash(&archive)?, archive, with_hash(&beside)?, beside])
+}
+
+/// Makes an archive from the ordinary build, unpacks it far from here, and has its program walk a robot with nothing in
+/// the environment.
+///
+/// # Errors
+/// What does not work there, or differs when it is made again.
+pub fn test(root: &Path) -> Result<(), Failure> {
+    let folder = target_dir(root).join("release-test");
+    remove(&folder)?;
+    let python = python_with(&python::folder(root)?, &BUILD_PACKAGES)?;
+    let commit = Commit { time: "1000000000".to_owned() };
+    let canter = builds::build_canter(root)?;
+    let hashes = ["one", "other"].map(|name| {
+        let stage = stage(root, &canter, &python, &folder.join(name).join("stage"))?;
+        if name == "other" {
+            // As if it had been made at another time.
+            let readme = stage.join("README.md");
+            let opened = File::options().write(true).open(&readme);
+            opened
+                .and_then(|opened| opened.set_modified(UNIX_EPOCH))
+                .map_err(|error| failed("write", &readme, &error))?;
+        }
+        hash(&pack(&stage, &folder.join(name), &commit)?)
+    });
+    let [one, other] = hashes;
+    let (one, other) = (one?, other?);
+    if one != other {
+        return Err(Failure::Task(format!("two archives of the same program differ: {one} and {other}")));
+    }
+
+    let away = env::temp_dir().join(format!("canter-release-{}", std::process::id()));
+    let result = try_archive(&folder.join("one").join(archive_name()), &away);
+    remove(&away)?;
+    result?;
+    println!("release: {} works on its own, and is the same when made again", archive_name());
+    Ok(())
+}
+
+/// Unpacks an archive and uses what is in it.
+fn try_archive(archive: &Path, away: &Path) -> Result<(), Failure> {
+    fs::create_dir_all(away).map_err(|error| failed("make", away, &error))?;
+    let mut tar = Command::new("tar");
+    tar.arg("--extract").arg("--file").arg(archive).arg("--directory").arg(away);
+    finish(tar, "the archive cannot be unpacked")?;
+    let top = away.join(name());
+    let run = |arguments: &[&str]| {
+        let mut canter = Command::new(top.join("bin/canter"));
+        canter.args(arguments).env_clear().current_dir(away);
+        finish(canter, &format!("the archive's program fails at {arguments:?}"))
+    };
+    let version = run(&["--version"])?;
+    if !version.starts_with(concat!("canter ", env!("CARGO_PKG_VERSION"))) {
+        return Err(Failure::Task(format!("the archive's program says that it is {version}")));
+    }
+    let verdict = run(&["eval", "--robot", "doggo", "--prior", "stepping", "--episodes", "2"])?;
+    if !verdict.contains("no fall in 2 episodes") {
+        return Err(Failure::Task(format!("the archive's program does not walk as it should:\n{verdict}")));
+    }
+    // Were the run path another, the checkout's library would do instead, and nobody would see.
+    let mut libraries = Command::new("ldd");
+    libraries.arg(top.join("bin/canter"));
+    let libraries = finish(libraries, "cannot see the libraries of the archive's program")?;
+    let mujoco = libraries.lines().find(|line| line.contains("libmujoco")).unwrap_or("no libmujoco").trim();
+    if !mujoco.contains(&*top.to_string_lossy()) {
+        return Err(Failure::Task(format!("the archive's program takes another library than its own: {mujoco}")));
+    }
+    let expected = ["share/man/man1/canter.1", "share/man/man1/canter-train.1", "licenses/crates.txt"];
+    let completions = COMPLETIONS.map(|(_, place)| format!("share/{place}"));
+    for file in expected.into_iter().chain(completions.iter().map(String::as_str)).chain(DOCUMENTS) {
+        if fs::metadata(top.join(file)).map_or(0, |found| found.len()) == 0 {
+            return Err(Failure::Task(format!("the archive has no {file}, or nothing in it")));
+        }
+    }
+    Ok(())
+}
+
+fn name() -> String {
+    format!("canter-{}-{MACHINE}", env!("CARGO_PKG_VERSION"))
+}
+
+fn archive_name() -> String {
+    format!("{}.tar.gz", name())
+}
+
+/// A target folder of its own: other settings would make cargo build everything anew each time.
+fn build_folder(root: &Path) -> PathBuf {
+    target_dir(root).join("release-build")
+}
+
+/// The commit, which nothing may differ from.
+fn commit(root: &Path, allow_changes: bool) -> Result<Commit, Failure> {
+    let git = |arguments: &[&str]| {
+        let mut git = Command::new("git");
+        git.arg("-C").arg(root).args(arguments);
+        finish(git, "a release is made from a commit, which Git has to know")
+    };
+    let changes = git(&["status", "--porcelain"])?;
+    if !changes.is_empty() && !allow_changes {
+        return Err(Failure::Task(format!(
+            "a release is made from a commit, and this tree differs from it:\n{}\n\
+             Commit or remove the changes; --allow-changes makes archives of them that nobody can make again.",
+            changes.trim_end()
+        )));
+    }
+    Ok(Commit { time: git(&["show", "--no-patch", "--format=%ct", "HEAD"])?.trim().to_owned() })
+}
+
+/// What makes a build forget where it was made, and when.
+fn same_everywhere(root: &Path, commit: &Commit) -> Result<Vec<(&'static str, OsString)>, Failure> {
+    let mut sysroot = Command::new("rustc");
+    sysroot.args(["--print", "sysroot"]).current_dir(root);
+    let sysroot = finish(sysroot, "cannot ask rustc where it lies")?;
+    let library = Path::new(sysroot.trim()).join("lib/rustlib/src/rust");
+    let home = cargo_home();
+    // The last one that fits counts.
+    let places = [(root, "/canter"), (&home, "/cargo"), (&library, "/rust")];
+    let flags = places.map(|(place, shown)| format!("--remap-path-prefix={}={shown}", place.display()));
+    Ok(vec![
+        ("CARGO_TARGET_DIR", build_folder(root).into_os_string()),
+        ("CARGO_ENCODED_RUSTFLAGS", flags.join("\u{1f}").into()),
+        // For crates/cli/build.rs, whose own run paths name this checkout.
+        ("CANTER_RUN_PATH", RUN_PATH.into()),
+        ("SOURCE_DATE_EPOCH", commit.time.clone().into()),
+    ])
+}
+
+fn cargo_home() -> PathBuf {
+    env::var_os("CARGO_HOME").map_or_else(
+        || PathBuf::from(env::var_os("HOME").unwrap_or_default()).join(".cargo"),
+        |home| env::current_dir().unwrap_or_default().join(home),
+    )
+}
+
+/// Fails where a program names one of these folders: made in another one, it would differ.
+fn names_no_place(program: &Path, folders: &[&Path]) -> Result<(), Failure> {
+    let content = fs::read(program).map_err(|error| failed("read", program, &error))?;
+    for folder in folders {
+        let name = folder.to_string_lossy();
+        if content.windows(name.len()).any(|part| part == name.as_bytes()) {
+            return Err(Failure::Task(format!("{} names {name}, where it was made", program.display())));
+        }
+    }
+    Ok(())
+}
+
+/// Puts all that goes into the archive into `folder`, and gives its top.
+fn stage(root: &Path, canter: &Path, python: &Path, folder: &Path) -> Result<PathBuf, Failure> {
+    let top = folder.join(name());
+    let places = Places {
+        program: &top.join("bin/canter"),
+        library: &top.join("lib"),
+        licenses: &top.join("licenses/mujoco"),
+        crates: &top.join("licenses/crates.txt"),
+        packages: &["canter"],
+        run_path: RUN_PATH,
+    };
+    portable::put(root, canter, python, &places)?;
+    for document in DOCUMENTS {
+        copy(&root.join(document), &top.join(document))?;
+    }
+    let share = top.join("share");
+    let mut man = Command::new(places.program);
+    man.arg("man").arg(share.join("man/man1"));
+    finish(man, "the program wrote no manual pages")?;
+    for (shell, place) in COMPLETIONS {
+        let mut completions = Command::new(places.program);
+        completions.args(["completions", shell]);
+        let script = finish(completions, "the program wrote no completions")?;
+        let path = share.join(place);
+        let parent = path.parent().unwrap_or(&path);
+        fs::create_dir_all(parent).map_err(|error| failed("make", parent, &error))?;
+        fs::write(&path, script).map_err(|error| failed("write", &path, &error))?;
+    }
+    Ok(top)
+}
+
+/// Packs a folder with nothing of this machine in it: names sorted, no owner, the commit's time.
+fn pack(top: &Path, folder: &Path, commit: &Commit) -> Result<PathBuf, Failure> {
+    let archive = folder.join(archive_name());
+    let mut tar = Command::new("tar");
+    tar.args(["--create", "--format=ustar", "--sort=name", "--owner=0", "--group=0", "--numeric-owner"]);
+    tar.args(["--mode=u=rwX,go=rX", &format!("--mtime=@{}", commit.time)]);
+    // Neither name nor time in gzip's header.
+    tar.args(["--use-compress-program", "gzip --no-name --best"]);
+    tar.arg("--file").arg(&archive).arg("--directory").arg(top.parent().unwrap_or(top)).arg(name());
+    finish(tar, "cannot pack the archive")?;
+    Ok(archive)
+}
+
+/// Writes a file's hash beside it, in the form that `sha256sum --check` reads.
+fn with_hash(file: &Path) -> Result<PathBuf, Failure> {
+    let name = file.file_name().unwrap_or_default().to_string_lossy();
+    let path = file.with_file_name(format!("{name}.sha256"));
+    fs::write(&path, format!("{}  {name}\n", hash(file)?)).map_err(|error| failed("write", &path, &error))?;
+    Ok(path)
+}
+
+fn hash(file: &Path) -> Result<String, Failure> {
+    let mut sum = Command::new("sha256sum");
+    sum.arg(file);
+    Ok(finish(sum, "cannot hash")?.split(' ').next().unwrap_or_default().to_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_tree_that_differs_from_its_commit_is_refused() {
+        let root = env::temp_dir().join(format!("canter-xtask-release-{}", std::process::id()));
+        fs::create_dir_all(&root).unwrap();
+        let git = |arguments: &[&str]| {
+            let mut git = Command::new("git");
+            git.arg("-C").arg(&root).args(["-c", "user.name=a", "-c", "user.email=a@b"]).args(arguments);
+            git.env("GIT_COMMITTER_DATE", "1700000000 +0000");
+            assert!(git.output().is_ok_and(|output| output.status.success()), "git {arguments:?}");
+        };
+        git(&["init", "--quiet"]);
+        git(&["commit", "--quiet", "--allow-empty", "--message", "first"]);
+        let time = |allow_changes| commit(&root, allow_changes).map(|commit| commit.time);
+        assert!(time(false).is_ok_and(|time| time == "1700000000"));
+        fs::write(root.join("new"), "").unwrap();
+        let refused = time(false);
+        let allowed = time(true);
+        fs::remove_dir_all(&root).unwrap();
+        let Err(Failure::Task(message)) = refused else { panic!("accepted") };
+        assert!(message.contains("?? new") && message.contains("--allow-changes"), "{message}");
+        assert!(allowed.is_ok_and(|time| time == "1700000000"));
+    }
+}

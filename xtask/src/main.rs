@@ -6,13 +6,17 @@ mod debian;
 mod equations;
 mod full;
 mod layering;
+mod link_check;
+mod markdown;
 mod models;
 mod mujoco;
 mod portable;
 mod python;
 mod release;
 mod robots;
+mod site;
 mod source;
+mod start;
 mod web;
 
 use std::env;
@@ -44,6 +48,8 @@ Tasks:
   layering             check which crate uses which, which may print, and that gait uses no std
   equations [--check]  write docs/equations.md from the doc comments; --check fails when the file is out of date
   models               fetch two robots of other people's into target/models/ (51 MB, once), for docs/robots.md
+  site [--check]       build the documentation site into target/site; --check follows its links and runs the newcomer's
+                       page, docs/start.md, with trainings made short; --full runs that page to the letter
   robots [--check]     write the robots in robots/ that are made from a few numbers
   no-std               prove by a build that gait needs no standard library
 ";
@@ -117,6 +123,8 @@ fn run(task: Option<OsString>, arguments: &[OsString]) -> Result<(), Failure> {
                 browser::test(&root)?;
                 python::test(&root, false)?;
                 release::test(&root)?;
+                site::check(&root)?;
+                start::run(&root, false)?;
             }
             Ok(())
         }
@@ -164,6 +172,16 @@ fn run(task: Option<OsString>, arguments: &[OsString]) -> Result<(), Failure> {
             let [check] = flags(&task, arguments, &["--check"])?;
             robots::write(&root, check)
         }
+        "site" => {
+            let [check, full] = flags(&task, arguments, &["--check", "--full"])?;
+            if !(check || full) {
+                println!("{}", site::build(&root)?.display());
+                return Ok(());
+            }
+            site::check(&root)?;
+            mujoco::ensure(&root)?;
+            start::run(&root, full)
+        }
         "models" => {
             flags(&task, arguments, &[])?;
             models::ensure(&root)
@@ -207,6 +225,37 @@ fn repository_root() -> PathBuf {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn pages_name_tasks_and_flags_that_there_are() {
+        let root = repository_root();
+        let Ok(chapters) = site::chapters(&root) else { panic!("no chapters") };
+        let (mut wrong, mut num_found) = (Vec::new(), 0);
+        for chapter in &chapters {
+            let page = std::fs::read_to_string(root.join(chapter)).unwrap();
+            for (at, call) in page.match_indices("cargo xtask ") {
+                let typed = page[at + call.len()..].split(['`', '#', '\n', '|', ';']).next().unwrap_or_default();
+                let mut words = typed.split_whitespace();
+                // `cargo xtask --help` asks for the help itself.
+                let Some(task) = words.next().filter(|task| *task != "--help") else { continue };
+                num_found += 1;
+                let help = help_of(task);
+                if help.is_empty() || words.any(|word| word.starts_with("--") && !help.contains(word)) {
+                    let line = page[..at].matches('\n').count() + 1;
+                    wrong.push(format!("{}:{line}: there is no `cargo xtask {}`", chapter.display(), typed.trim()));
+                }
+            }
+        }
+        assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+        assert!(num_found > 20, "only {num_found} calls were found");
+    }
+
+    /// What [`HELP`] says of a task.
+    fn help_of(task: &str) -> String {
+        let is_of = |line: &&str| line.starts_with("   ") || line.split_whitespace().next() == Some(task);
+        let lines = HELP.lines().skip_while(|line| line.trim_start().split(' ').next() != Some(task));
+        lines.take_while(is_of).collect()
+    }
 
     #[test]
     fn known_flags_are_found_and_others_refused() {

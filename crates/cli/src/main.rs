@@ -3,11 +3,16 @@
 mod args;
 mod commands;
 mod comparison;
+#[cfg(test)]
+mod documents;
 mod error;
 #[cfg(test)]
 #[path = "../../train/tests/common/fuzz.rs"]
 mod fuzz;
 mod interrupt;
+#[cfg(test)]
+#[path = "../../../xtask/src/markdown.rs"]
+mod markdown;
 mod output;
 mod progress;
 mod ranks;

@@ -118,7 +118,7 @@ fn run(task: Option<OsString>, arguments: &[OsString]) -> Result<(), Failure> {
                 full::tensorboard(&root)?;
                 full::exports(&root)?;
                 debian::ensure_npm()?;
-                web::build(&root)?;
+                web::ensure_where_npm_is(&root)?;
                 web::test(&root)?;
                 browser::test(&root)?;
                 python::test(&root, false)?;
@@ -130,6 +130,7 @@ fn run(task: Option<OsString>, arguments: &[OsString]) -> Result<(), Failure> {
         }
         "web" => {
             flags(&task, arguments, &[])?;
+            debian::ensure_npm()?;
             web::build(&root)
         }
         "wheel" => {

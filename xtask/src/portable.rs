@@ -6,7 +6,7 @@ use std::process::{Command, Stdio};
 
 use crate::builds::{self, cargo};
 use crate::full::{Packages, finish};
-use crate::{Failure, mujoco};
+use crate::{Failure, mujoco, web};
 
 /// The one machine that MuJoCo's set-up knows.
 pub const MACHINE: &str = "x86_64-unknown-linux-gnu";
@@ -53,6 +53,11 @@ pub fn put(root: &Path, canter: &Path, python: &Path, places: &Places<'_>) -> Re
     copy(&mujoco.join("lib").join(&name), &places.library.join(&name))?;
     for file in files(&mujoco.join("licenses"))? {
         copy(&file, &places.licenses.join(file.file_name().unwrap_or_default()))?;
+    }
+    // Those of the libraries in the dashboard's page, where it was built.
+    let page = web::licences(root);
+    if page.is_file() {
+        copy(&page, &places.crates.with_file_name("page.txt"))?;
     }
     list_crates(root, places.packages, places.crates)
 }

@@ -11,7 +11,7 @@ use std::time::UNIX_EPOCH;
 use crate::builds::{self, cargo, target_dir};
 use crate::full::{finish, python_with};
 use crate::portable::{self, BUILD_PACKAGES, MACHINE, Places, copy, failed, remove};
-use crate::{Failure, python};
+use crate::{Failure, python, web};
 
 /// Where the program in the archive looks for MuJoCo's library.
 const RUN_PATH: &str = "$ORIGIN/../lib";
@@ -42,7 +42,8 @@ pub fn make(root: &Path, allow_changes: bool) -> Result<Vec<PathBuf>, Failure> {
     remove(&folder)?;
     let python = python_with(&python::folder(root)?, &BUILD_PACKAGES)?;
 
-    // What the program embeds and cargo does not make has to be built here, before the program.
+    // The dashboard's page is in the program.
+    web::build(root)?;
     let environment = same_everywhere(root, &commit)?;
     let mut build = cargo(root, "build");
     build.args(["--release", "--locked", "--package", "canter"]).envs(environment.clone());

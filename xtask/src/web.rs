@@ -57,6 +57,11 @@ pub fn test(root: &Path) -> Result<(), Failure> {
     npm(root, &["test"], "the page's tests fail")
 }
 
+/// The file with the licences of the libraries in the page, once it is built.
+pub fn licences(root: &Path) -> PathBuf {
+    folder(root).join("dist").join("assets").join("licences.txt")
+}
+
 fn npm(root: &Path, arguments: &[&str], problem: &str) -> Result<(), Failure> {
     let mut npm = Command::new("npm");
     npm.args(arguments).current_dir(folder(root));

@@ -6,11 +6,13 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 /// What the program is made of, from the repository's root. Changes elsewhere, in pages or tests, are none of the program.
-const SOURCES: [&str; 8] = [
+const SOURCES: [&str; 10] = [
     "crates/*/src",
     "crates/*/Cargo.toml",
     "crates/*/build.rs",
     "crates/*/build",
+    "crates/*/web/src",
+    "crates/*/web/package-lock.json",
     "presets",
     "robots",
     "Cargo.toml",

@@ -1,8 +1,8 @@
 //! A local web page about the runs in a folder: who trains, live curves, verdicts side by side, the robot in 3D.
 //!
 //! The server hands out what lies in the run directories (`docs/run-directory.md`) and writes nothing. It uses no other
-//! crate of canter. What a request is allowed to see is decided in [`request`], in one place; where files come from in
-//! [`folder`]. The page itself is TypeScript, in `web/`, and built into the program.
+//! crate of canter. What a request is allowed to see is decided in `request`, in one place; where files come from in
+//! `folder`. The page itself is TypeScript, in `web/`, and built into the program.
 
 #![forbid(unsafe_code)]
 

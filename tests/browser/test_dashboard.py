@@ -185,6 +185,28 @@ def check_3d(browser, server, shots):
         (shots / "dashboard-3d.png").write_bytes(second)
 
 
+def check_report(browser, server):
+    """A run's own page works, but as a page of no origin: whoever wrote it cannot ask the server."""
+    browser.open(server.url + "report?run=first")
+    browser.until("!!document.querySelector('#replay.ready')", "a report's own script does not run")
+    check(browser.evaluate("self.origin") == "null", "a report has the server's origin")
+    check_no_complaints(browser, server, "a report")
+    asked = f"fetch('{server.url}api/runs').then(() => 'read', () => 'refused')"
+    answer = browser.call("Runtime.evaluate", expression=asked, awaitPromise=True, returnByValue=True)
+    check(answer["result"]["value"] == "refused", "a report can read the runs")
+
+
+def check_removed(browser, server, runs):
+    """A run that is removed while it is shown leaves nothing behind."""
+    shutil.copytree(runs / "first", runs / "removed")
+    select(browser, server, "removed", "first")
+    lines = len((runs / "first/metrics.jsonl").read_text().splitlines())
+    browser.until(f"{points(browser)} === {2 * lines}", "not all iterations of two runs are drawn")
+    shutil.rmtree(runs / "removed")
+    browser.until(f"!{row('removed')} && {points(browser)} === {lines}", "a removed run is still shown")
+    check("removed" not in browser.evaluate("location.hash"), "a removed run is still in the address")
+
+
 def check_hostile(browser, server):
     select(browser, server, HOSTILE, "broken", view=HOSTILE)
     shown = f"{row(HOSTILE)}.textContent.includes({json.dumps(HOSTILE)})"
@@ -250,6 +272,8 @@ def main():
             check_end(browser, server, canter, runs)
             check_comparison(browser, server, runs)
             check_3d(browser, server, shots)
+            check_report(browser, server)
+            check_removed(browser, server, runs)
             check_hostile(browser, server)
             check_refusals(server)
             check_other_origin(browser, server)

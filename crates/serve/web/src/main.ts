@@ -67,6 +67,7 @@ class Page {
     try {
       const listing = await askForRuns();
       this.listing = listing;
+      this.dropMissing(listing);
       this.chooseFirst(listing);
       this.list.show(listing);
       await Promise.all(this.shownRuns().map((run) => this.refresh(run)));
@@ -79,6 +80,17 @@ class Page {
     const isTraining = this.listing?.runs.some((run) => run.state === "training");
     window.clearTimeout(this.timer);
     if (!document.hidden) this.timer = window.setTimeout(() => void this.ask(), isTraining ? SOON_MS : LATER_MS);
+  }
+
+  /** A run that was removed cannot be taken out by hand: it is in no list. */
+  private dropMissing(listing: Listing): void {
+    const missing = this.selection.ids().filter((id) => !listing.runs.some((run) => run.id === id));
+    if (missing.length === 0) return;
+    for (const id of missing) {
+      this.selection.remove(id);
+      this.known.delete(id);
+    }
+    this.writeAddress();
   }
 
   /** Without a choice in the address the newest run is shown. */

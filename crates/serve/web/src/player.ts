@@ -63,6 +63,8 @@ export class Player {
       this.stage?.lookAtAll();
       this.wake();
     });
+    // The graphics card may take its memory away and give it back.
+    this.canvas.addEventListener("webglcontextrestored", () => this.wake());
     new ResizeObserver(() => this.resize()).observe(byId("stage"));
     new IntersectionObserver(([entry]) => {
       this.isVisible = entry?.isIntersecting ?? true;

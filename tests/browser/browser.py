@@ -6,6 +6,7 @@ Installs Debian's chromium if there is none and this is root.
 import base64
 import json
 import os
+import select
 import shutil
 import subprocess
 import sys
@@ -56,6 +57,8 @@ class Browser:
 
     def message(self):
         while b"\0" not in self.unread:
+            if not select.select([self.from_read], [], [], LIMIT_S)[0]:
+                sys.exit(f"chromium has said nothing for {LIMIT_S} s")
             more = os.read(self.from_read, 1 << 20)
             if not more:
                 sys.exit("chromium went away")

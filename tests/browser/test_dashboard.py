@@ -25,6 +25,8 @@ SHORT = [
     "training.horizon=32", "training.max_env_steps=1024", "ppo.minibatch_size=64", "evaluation.num_episodes=2",
     "evaluation.episode_s=3.0",
 ]
+# One that takes some seconds, and can be seen at it.
+SOME_SECONDS = [*SHORT, "training.max_env_steps=60000"]
 # One that ends when it is told to.
 LONG = ["training.max_env_steps=100000000", "training.horizon=64"]
 
@@ -36,6 +38,7 @@ class Server:
 
     def __init__(self, canter, folder, port=0):
         command = [canter, "serve", str(folder), "--port", str(port)]
+        self.folder = folder
         self.process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
         said = self.process.stdout.readline()
         check("http://127.0.0.1:" in said, f"canter serve says {said!r} {self.process.stderr.read() if not said else ''}")
@@ -134,16 +137,63 @@ def check_end(browser, server, canter, runs):
     """A run that is shown before its end gets its verdict and its robot without a reload."""
     select(browser, server)
     browser.evaluate("window.isTheSamePage = true")
-    training = train(canter, runs / "ends", SHORT)
-    browser.until(f"!!{row('ends')}", "a training does not appear")
-    browser.evaluate(f"{row('ends')}.querySelector('input[type=checkbox]').click()")
-    check(training.wait() == 0, "a training failed")
+    training = train(canter, runs / "ends", SOME_SECONDS)
+    try:
+        browser.until(f"{row('ends')} && {row('ends')}.dataset.state === 'training'", "a training does not appear")
+        browser.evaluate(f"{row('ends')}.querySelector('input[type=checkbox]').click()")
+        browser.until("document.getElementById('verdict-notes').textContent.includes('ends')", "a run waits for no verdict")
+    finally:
+        code = training.wait(timeout=120)
+    check(code == 0, f"a training ended with {code}")
     browser.until(f"{row('ends')}.dataset.state === 'finished'", "a verdict is not seen")
     judged = "[...document.querySelectorAll('#verdict-tables tbody th')].some(name => name.textContent === 'ends')"
     browser.until(judged, "a verdict does not appear")
-    browser.until("[...document.getElementById('view').options].some(run => run.value === 'ends')", "a robot does not appear")
+    browser.evaluate("document.getElementById('view').value = 'ends'")
+    browser.evaluate("document.getElementById('view').dispatchEvent(new Event('change'))")
+    browser.until("document.getElementById('canvas').dataset.gaits === '2'", "a robot does not appear")
     check(browser.evaluate("window.isTheSamePage"), "the page was loaded again")
     check_no_complaints(browser, server, "a run's end")
+
+
+def check_nothing_is_lost(browser, server):
+    """Who reads a table or has zoomed in is not disturbed by the next answer of the server."""
+    select(browser, server, "first", "more/second", width=390)
+    table = "document.querySelector('#verdict-tables .scroll')"
+    browser.until(f"{table} && {points(browser)} >= 16", "no verdict or curve is drawn")
+    browser.evaluate(f"{table}.scrollLeft = 60; {table}.focus()")
+    plot = "document.querySelector('[data-metric=speed_m_per_s] .u-over')"
+    box = browser.evaluate(
+        f"{plot}.scrollIntoView({{block: 'center'}}), (b => [b.x, b.y, b.width, b.height])({plot}.getBoundingClientRect())")
+    canvas = "document.querySelector('[data-metric=speed_m_per_s] canvas').toDataURL()"
+    whole = browser.evaluate(canvas)
+    middle = box[1] + box[3] / 2
+    for kind, part, buttons in (("mousePressed", 0.3, 1), ("mouseMoved", 0.6, 1), ("mouseReleased", 0.6, 0)):
+        x = box[0] + part * box[2]
+        browser.call("Input.dispatchMouseEvent", type=kind, x=x, y=middle, button="left", buttons=buttons, clickCount=1)
+    browser.call("Input.dispatchMouseEvent", type="mouseMoved", x=1, y=1)
+    time.sleep(0.3)
+    zoomed = browser.evaluate(canvas)
+    check(zoomed != whole, "dragging over a chart does not zoom in")
+    # A run that changes has the charts drawn again.
+    with open(server.folder / "more/second/metrics.jsonl", "a") as metrics:
+        metrics.write('{"env_steps": 1000000, "speed_m_per_s": 0.1}\n')
+    browser.until(f"{points(browser)} >= 17", "a new iteration is not drawn")
+    time.sleep(4)
+    check(browser.evaluate(canvas) == zoomed, "a chart does not stay where somebody has zoomed in")
+    check(browser.evaluate(f"{table}.scrollLeft") == 60, "a table scrolls back")
+
+
+def check_many(browser, server, runs):
+    """Eight runs are loaded at once, again and again."""
+    names = [f"many/{number}" for number in range(8)]
+    for name in names:
+        shutil.copytree(runs / "first", runs / name)
+    lines = len((runs / "first/metrics.jsonl").read_text().splitlines())
+    for _ in range(5):
+        select(browser, server, *names)
+        browser.until(f"{points(browser)} === {8 * lines}", "eight runs are not drawn")
+    check_no_complaints(browser, server, "eight runs")
+    shutil.rmtree(runs / "many")
 
 
 def check_comparison(browser, server, runs):
@@ -166,8 +216,10 @@ def check_3d(browser, server, shots):
     playing = "[...document.querySelectorAll('button')].find(button => /^(play|pause)/i.test(button.textContent.trim() || button.ariaLabel))"
     if browser.evaluate(f"/^play/i.test({playing}.textContent.trim() || {playing}.ariaLabel)"):
         browser.evaluate(f"{playing}.click()")
+    # So slowly the episode's end does not come between two looks.
+    browser.evaluate("document.getElementById('pace').value = '0.1'")
     before = browser.evaluate(clock)
-    browser.until(f"{clock} > {before} + 0.2 || {clock} < {before}", "the 3D clock does not run")
+    browser.until(f"{clock} > {before} + 0.05 || {clock} < {before}", "the 3D clock does not run")
     browser.evaluate(f"{playing}.click()")
     time.sleep(0.3)
     paused = browser.evaluate(clock)
@@ -246,14 +298,16 @@ def check_other_origin(browser, server):
 
 def check_lost_server(browser, canter, runs):
     server = Server(canter, runs)
-    select(browser, server, "first")
-    lost = "(element => element && !element.hidden && element.offsetHeight > 0)(document.getElementById('connection'))"
-    check(not browser.evaluate(lost), "the page complains while the server is there")
-    server.stop()
-    browser.until(lost, "the page does not say that the server is gone")
-    server = Server(canter, runs, server.port)
-    browser.until(f"!{lost}", "the page does not go on when the server is back")
-    server.stop()
+    try:
+        select(browser, server, "first")
+        lost = "(element => element && !element.hidden && element.offsetHeight > 0)(document.getElementById('connection'))"
+        check(not browser.evaluate(lost), "the page complains while the server is there")
+        server.stop()
+        browser.until(lost, "the page does not say that the server is gone")
+        server = Server(canter, runs, server.port)
+        browser.until(f"!{lost}", "the page does not go on when the server is back")
+    finally:
+        server.process.kill()
 
 
 def main():
@@ -271,10 +325,12 @@ def main():
             check_live(browser, server, canter, runs)
             check_end(browser, server, canter, runs)
             check_comparison(browser, server, runs)
+            check_many(browser, server, runs)
             check_3d(browser, server, shots)
             check_report(browser, server)
             check_removed(browser, server, runs)
             check_hostile(browser, server)
+            check_nothing_is_lost(browser, server)
             check_refusals(server)
             check_other_origin(browser, server)
             for width, scheme in ((1280, "light"), (1280, "dark"), (390, "light")):

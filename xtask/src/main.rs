@@ -92,7 +92,7 @@ fn run(task: Option<OsString>, arguments: &[OsString]) -> Result<(), Failure> {
         "canter" => {
             mujoco::ensure(&root)?;
             if arguments.first().is_some_and(|command| command == "serve") {
-                web::ensure_where_npm_is(&root)?;
+                web::try_to_ensure(&root);
             }
             Err(builds::build_and_become_canter(&root, arguments))
         }

@@ -32,6 +32,13 @@ pub fn ensure_where_npm_is(root: &Path) -> Result<(), Failure> {
     if built.is_some() && built >= newest { Ok(()) } else { build(root) }
 }
 
+/// The same, for who wants the program in any case: a page that cannot be built is said, and no more.
+pub fn try_to_ensure(root: &Path) {
+    if let Err(Failure::Task(message)) = ensure_where_npm_is(root) {
+        eprintln!("warning: {message}\nThe program starts with the page that was built last, if there is one.");
+    }
+}
+
 /// Builds the page.
 ///
 /// # Errors

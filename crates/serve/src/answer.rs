@@ -1,17 +1,18 @@
 //! What goes back to the browser.
 
-use std::io::Cursor;
-
+use http_body_util::Full;
+use hyper::body::Bytes;
+use hyper::header::{HeaderName, HeaderValue};
+use hyper::{Response, StatusCode};
 use serde_json::json;
-use tiny_http::{Header, Response};
 
 /// For every answer: nobody else's page may read it, frame it or guess its type, and nothing is kept.
 const HEADERS: [(&str, &str); 5] = [
-    ("Cache-Control", "no-store"),
-    ("X-Content-Type-Options", "nosniff"),
-    ("Referrer-Policy", "no-referrer"),
-    ("Cross-Origin-Resource-Policy", "same-origin"),
-    ("Cross-Origin-Opener-Policy", "same-origin"),
+    ("cache-control", "no-store"),
+    ("x-content-type-options", "nosniff"),
+    ("referrer-policy", "no-referrer"),
+    ("cross-origin-resource-policy", "same-origin"),
+    ("cross-origin-opener-policy", "same-origin"),
 ];
 
 /// What the page may do: run its own script and ask its own server.
@@ -56,13 +57,13 @@ impl Answer {
         Self { status, ..Self::json(json!({ "error": why }).to_string()) }
     }
 
-    /// As the HTTP server sends it.
-    pub fn into_response(self) -> Response<Cursor<Vec<u8>>> {
-        let own = [("Content-Type", self.content_type), ("Content-Security-Policy", self.policy)];
-        let mut response = Response::from_data(self.body).with_status_code(self.status);
+    /// As hyper sends it.
+    pub fn into_response(self) -> Response<Full<Bytes>> {
+        let mut response = Response::new(Full::new(Bytes::from(self.body)));
+        *response.status_mut() = StatusCode::from_u16(self.status).unwrap_or(StatusCode::INTERNAL_SERVER_ERROR);
+        let own = [("content-type", self.content_type), ("content-security-policy", self.policy)];
         for (name, value) in own.into_iter().chain(HEADERS) {
-            let header = Header::from_bytes(name, value).expect("headers are ASCII");
-            response.add_header(header);
+            response.headers_mut().insert(HeaderName::from_static(name), HeaderValue::from_static(value));
         }
         response
     }

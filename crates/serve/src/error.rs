@@ -1,6 +1,5 @@
 //! Why there is no server.
 
-use std::error::Error;
 use std::io;
 use std::net::SocketAddr;
 use std::path::PathBuf;
@@ -34,7 +33,7 @@ pub enum ServeError {
         /// What the system says.
         source: io::Error,
     },
-    /// The server's threads cannot be started.
+    /// The system has nothing to wait for connections with.
     #[error("cannot start the server: {0}")]
-    Start(Box<dyn Error + Send + Sync>),
+    Start(io::Error),
 }

@@ -4,6 +4,7 @@ use std::ffi::OsStr;
 use std::fs::{self, File};
 use std::io::{self, Read};
 use std::path::{Component, Path, PathBuf};
+use std::time::{Duration, SystemTime};
 
 use serde::Serialize;
 
@@ -12,8 +13,14 @@ use crate::error::ServeError;
 /// How deep runs may lie: a sweep's are two folders below it, and people sort theirs into folders.
 const MAX_DEPTH: usize = 6;
 
-/// Of more runs the rest is left out.
+/// Of more runs the oldest are left out.
 const MAX_RUNS: usize = 1000;
+
+/// So much of what is left out is said.
+const MAX_LEFT_OUT: usize = 20;
+
+/// What a training writes, and so tells how old a run is.
+const WRITTEN: [&str; 3] = ["config.toml", "metrics.jsonl", "eval.json"];
 
 /// More folders are not looked into.
 const MAX_FOLDERS: usize = 20_000;
@@ -27,9 +34,9 @@ pub struct Folder {
     root: PathBuf,
 }
 
-/// A run directory below it, or another folder whose report may be shown.
+/// A folder below it whose files may be read: a run directory, a comparison, a sweep.
 #[derive(Debug)]
-pub struct Run {
+pub struct Place {
     /// Path below the folder, with `/` between names; `.` for the folder itself.
     pub id: String,
     /// Absolute.
@@ -51,7 +58,7 @@ pub struct Report {
 #[derive(Debug, Default)]
 pub struct Found {
     /// Run directories.
-    pub runs: Vec<Run>,
+    pub runs: Vec<Place>,
     /// Comparisons and sweeps that have a page.
     pub reports: Vec<Report>,
     /// What is not listed, and why.
@@ -112,16 +119,19 @@ impl Folder {
     ///
     /// # Errors
     /// If there is none below the folder.
-    pub fn run(&self, id: &str) -> Result<Run, Refusal> {
-        let run = self.any_folder(id)?;
-        if is_run(&run.path) { Ok(run) } else { Err(Refusal::NoRun(id.to_owned())) }
+    pub fn run(&self, id: &str) -> Result<Place, Refusal> {
+        let place = self.place(id)?;
+        if is_run(&place.path) { Ok(place) } else { Err(Refusal::NoRun(id.to_owned())) }
     }
 
     /// The folder of this name, whatever is in it.
     ///
     /// # Errors
     /// If there is none below the folder.
-    pub fn any_folder(&self, id: &str) -> Result<Run, Refusal> {
+    pub fn place(&self, id: &str) -> Result<Place, Refusal> {
+        if id.is_empty() {
+            return Err(Refusal::NoRun(String::new()));
+        }
         let is_below = id == "." || Path::new(id).components().all(|part| matches!(part, Component::Normal(_)));
         if !is_below {
             return Err(Refusal::Outside(id.to_owned()));
@@ -130,20 +140,20 @@ impl Folder {
         if !path.starts_with(&self.root) {
             return Err(Refusal::Outside(id.to_owned()));
         }
-        Ok(Run { id: id.to_owned(), path, root: self.root.clone() })
+        Ok(Place { id: id.to_owned(), path, root: self.root.clone() })
     }
 
-    /// Looks for runs and reports. Links are not followed.
+    /// Looks for runs and reports. Links are not followed. Of too many runs the newest are listed.
     pub fn list(&self) -> Found {
         let mut found = Found::default();
+        let mut runs = Vec::new();
         let mut num_folders = 0;
         let mut to_visit = vec![(self.root.clone(), 0)];
         while let Some((path, depth)) = to_visit.pop() {
             num_folders += 1;
-            if found.runs.len() == MAX_RUNS || num_folders > MAX_FOLDERS {
+            if num_folders > MAX_FOLDERS {
                 found.left_out.push(format!(
-                    "only {} runs in {num_folders} folders are listed; name a folder with fewer: `canter serve FOLDER`",
-                    found.runs.len()
+                    "what lies in more than {MAX_FOLDERS} folders; name one with fewer: `canter serve FOLDER`"
                 ));
                 break;
             }
@@ -152,7 +162,7 @@ impl Folder {
                 continue;
             };
             if is_run(&path) {
-                found.runs.push(Run { id, path, root: self.root.clone() });
+                runs.push((age(&path), Place { id, path, root: self.root.clone() }));
                 continue;
             }
             if path.join("report.html").is_file() {
@@ -161,14 +171,28 @@ impl Folder {
                 found.reports.extend(kind.map(|kind| Report { id, kind }));
             }
             match subfolders(&path) {
-                Ok(folders) if depth == MAX_DEPTH && !folders.is_empty() => {
-                    found.left_out.push(format!("{}: what lies deeper than {MAX_DEPTH} folders", path.display()));
+                Ok(inside) => {
+                    found.left_out.extend(inside.links.iter().map(|link| format!("{}: a link", link.display())));
+                    if depth == MAX_DEPTH && !inside.folders.is_empty() {
+                        found.left_out.push(format!("{}: what lies deeper than {MAX_DEPTH} folders", path.display()));
+                    } else {
+                        to_visit.extend(inside.folders.into_iter().map(|folder| (folder, depth + 1)));
+                    }
                 }
-                Ok(folders) => to_visit.extend(folders.into_iter().map(|folder| (folder, depth + 1))),
                 Err(error) => found.left_out.push(format!("{}: {error}", path.display())),
             }
         }
+        runs.sort_by_key(|(age, _)| *age);
+        if runs.len() > MAX_RUNS {
+            found.left_out.push(format!("{} older runs", runs.len() - MAX_RUNS));
+        }
+        found.runs = runs.into_iter().take(MAX_RUNS).map(|(_, run)| run).collect();
         found.reports.sort_by(|a, b| a.id.cmp(&b.id));
+        let num_more = found.left_out.len().saturating_sub(MAX_LEFT_OUT);
+        if num_more > 0 {
+            found.left_out.truncate(MAX_LEFT_OUT);
+            found.left_out.push(format!("and {num_more} more"));
+        }
         found
     }
 
@@ -181,8 +205,8 @@ impl Folder {
     }
 }
 
-impl Run {
-    /// A file of the run, opened. `name` may have a folder in it, and may come from anywhere.
+impl Place {
+    /// A file in it, opened. `name` may have a folder in it, and may come from anywhere.
     ///
     /// # Errors
     /// If it is not there, is no ordinary file, or lies outside the served folder.
@@ -213,6 +237,11 @@ impl Run {
         if length > max_bytes { Err(Refusal::TooLarge(name.to_owned(), length)) } else { Ok(bytes) }
     }
 
+    /// Time since a training wrote into it last.
+    pub fn age(&self) -> Duration {
+        age(&self.path)
+    }
+
     /// The names of the recorded gaits, the learned one first.
     pub fn trajectories(&self) -> Vec<String> {
         let entries = fs::read_dir(self.path.join("trajectories")).into_iter().flatten().flatten();
@@ -228,9 +257,33 @@ fn is_run(path: &Path) -> bool {
     path.join("config.toml").is_file() && (path.join("lock").is_file() || path.join("metrics.jsonl").is_file())
 }
 
-/// Folders in a folder, but hidden ones and links.
-fn subfolders(path: &Path) -> io::Result<Vec<PathBuf>> {
-    let entries = fs::read_dir(path)?.flatten();
-    let visible = entries.filter(|entry| !entry.file_name().as_encoded_bytes().starts_with(b"."));
-    Ok(visible.filter(|entry| entry.file_type().is_ok_and(|kind| kind.is_dir())).map(|entry| entry.path()).collect())
+/// Time since the newest of the files that a training writes.
+fn age(run: &Path) -> Duration {
+    let modified = |name| fs::metadata(run.join(name)).and_then(|data| data.modified()).ok();
+    let newest = WRITTEN.into_iter().filter_map(modified).max().unwrap_or(SystemTime::UNIX_EPOCH);
+    // Another machine's clock may be ahead.
+    SystemTime::now().duration_since(newest).unwrap_or_default()
+}
+
+/// What is in a folder: hidden things are passed over.
+struct Inside {
+    folders: Vec<PathBuf>,
+    /// Links to folders.
+    links: Vec<PathBuf>,
+}
+
+fn subfolders(path: &Path) -> io::Result<Inside> {
+    let mut inside = Inside { folders: Vec::new(), links: Vec::new() };
+    for entry in fs::read_dir(path)?.flatten() {
+        let Ok(kind) = entry.file_type() else { continue };
+        if entry.file_name().as_encoded_bytes().starts_with(b".") {
+            continue;
+        }
+        if kind.is_dir() {
+            inside.folders.push(entry.path());
+        } else if kind.is_symlink() && entry.path().is_dir() {
+            inside.links.push(entry.path());
+        }
+    }
+    Ok(inside)
 }

@@ -4,7 +4,7 @@ use std::io::{self, Read, Seek, SeekFrom};
 
 use serde::de::IgnoredAny;
 
-use crate::folder::{Refusal, Run};
+use crate::folder::{Place, Refusal};
 
 /// The file's name in a run directory.
 pub const NAME: &str = "metrics.jsonl";
@@ -19,7 +19,7 @@ const MAX_BYTES: u64 = 2 << 20;
 ///
 /// # Errors
 /// If the file cannot be read. Before the first line there is none, which is no error.
-pub fn since(run: &Run, from: u64) -> Result<String, Refusal> {
+pub fn since(run: &Place, from: u64) -> Result<String, Refusal> {
     let mut file = match run.open(NAME) {
         Err(Refusal::File(_, error)) if error.kind() == io::ErrorKind::NotFound => return Ok(answer(0, 0, false, &[])),
         file => file?,

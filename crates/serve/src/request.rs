@@ -5,7 +5,7 @@ use std::net::IpAddr;
 use serde_json::json;
 
 use crate::answer::Answer;
-use crate::folder::{Folder, Refusal, Run};
+use crate::folder::{Folder, Place, Refusal};
 use crate::{metrics, page, summary};
 
 /// Of a request, what decides the answer.
@@ -48,7 +48,7 @@ pub fn answer(request: &Request<'_>, folder: &Folder, hint: &str) -> Answer {
             json_file(&run, &format!("trajectories/{name}.json"), MAX_TRAJECTORY_BYTES)
         }),
         "/report" => folder
-            .any_folder(&parameter("run").unwrap_or_default())
+            .place(&parameter("run").unwrap_or_default())
             .and_then(|reported| reported.read("report.html", MAX_REPORT_BYTES))
             .map(Answer::report),
         _ => return page::answer(path),
@@ -65,7 +65,10 @@ fn refuse_stranger(request: &Request<'_>) -> Option<Answer> {
         return Some(Answer::refusal(405, "this server only shows; ask with GET"));
     }
     let Some(host) = request.host.filter(|host| is_own_name(host)) else {
-        return Some(Answer::refusal(421, "open this page by the address that `canter serve` has printed"));
+        return Some(Answer::refusal(
+            421,
+            "open this page by an address of this machine in numbers, as `canter serve` has printed it, or by localhost",
+        ));
     };
     let is_foreign = request.origin.is_some_and(|origin| origin != format!("http://{host}"));
     // A link to the page from elsewhere is fine; what it shows is then asked for by the page itself.
@@ -96,8 +99,7 @@ fn parameter(query: &str, name: &str) -> Option<String> {
 /// All runs and reports as JSON.
 fn listing(folder: &Folder, hint: &str) -> String {
     let found = folder.list();
-    let mut runs: Vec<_> = found.runs.iter().map(summary::of).collect();
-    runs.sort_by(|a, b| a.updated_s.total_cmp(&b.updated_s));
+    let runs: Vec<_> = found.runs.iter().map(summary::of).collect();
     json!({
         "folder": folder.name(),
         "hint": hint,
@@ -109,7 +111,7 @@ fn listing(folder: &Folder, hint: &str) -> String {
 }
 
 /// A JSON file as it is. What is no JSON is refused, so that the page can rely on it.
-fn json_file(run: &Run, name: &str, max_bytes: u64) -> Result<Answer, Refusal> {
+fn json_file(run: &Place, name: &str, max_bytes: u64) -> Result<Answer, Refusal> {
     let bytes = run.read(name, max_bytes)?;
     let text =
         std::str::from_utf8(&bytes).map_err(|_| Refusal::NotJson(name.to_owned(), "it is no text".to_owned()))?;

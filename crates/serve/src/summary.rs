@@ -2,12 +2,11 @@
 
 use std::fs::TryLockError;
 use std::io::{Read, Seek, SeekFrom};
-use std::time::SystemTime;
 
 use serde::Serialize;
 use serde_json::Value;
 
-use crate::folder::{Refusal, Run};
+use crate::folder::{Place, Refusal};
 use crate::metrics;
 
 /// More of a configuration or verdict is not read for the list [bytes].
@@ -79,7 +78,7 @@ pub struct Verdict {
 }
 
 /// Looks at a run's files.
-pub fn of(run: &Run) -> Summary {
+pub fn of(run: &Place) -> Summary {
     let mut problems = Vec::new();
     let config = read(run, "config.toml", &mut problems).and_then(|text| match toml::from_str::<toml::Table>(&text) {
         Ok(config) => Some(config),
@@ -112,7 +111,7 @@ pub fn of(run: &Run) -> Summary {
         env_steps: of_last("env_steps"),
         speed_m_per_s: of_last("speed_m_per_s"),
         episode_return: of_last("episode_return"),
-        updated_s: updated_s(run),
+        updated_s: run.age().as_secs_f64(),
         verdict: eval.as_ref().and_then(verdict),
         trajectories: run.trajectories(),
         report: run.open("report.html").is_ok(),
@@ -137,7 +136,7 @@ fn verdict(eval: &Value) -> Option<Verdict> {
 }
 
 /// A file as text; `None` if it is not there.
-fn read(run: &Run, name: &str, problems: &mut Vec<String>) -> Option<String> {
+fn read(run: &Place, name: &str, problems: &mut Vec<String>) -> Option<String> {
     match run.read(name, MAX_BYTES) {
         Ok(bytes) => match String::from_utf8(bytes) {
             Ok(text) => return Some(text),
@@ -150,7 +149,7 @@ fn read(run: &Run, name: &str, problems: &mut Vec<String>) -> Option<String> {
 }
 
 /// The newest whole line of `metrics.jsonl`.
-fn last_line(run: &Run) -> Option<Value> {
+fn last_line(run: &Place) -> Option<Value> {
     let mut file = run.open(metrics::NAME).ok()?;
     let end = file.seek(SeekFrom::End(0)).ok()?;
     file.seek(SeekFrom::Start(end.saturating_sub(TAIL_BYTES))).ok()?;
@@ -162,19 +161,6 @@ fn last_line(run: &Run) -> Option<Value> {
 
 /// Whether a process writes into the run: it holds the lock. We hold it for a moment to see that, which a training that
 /// begins in this moment waits for.
-fn is_locked(run: &Run) -> bool {
+fn is_locked(run: &Place) -> bool {
     run.open("lock").is_ok_and(|lock| matches!(lock.try_lock_shared(), Err(TryLockError::WouldBlock)))
-}
-
-/// Time since the newest of the files that a training writes [s].
-fn updated_s(run: &Run) -> f64 {
-    let modified = |name| {
-        run.open(name).and_then(|file| {
-            file.metadata().and_then(|data| data.modified()).map_err(|error| Refusal::File(name.to_owned(), error))
-        })
-    };
-    let times = ["config.toml", metrics::NAME, "eval.json"].into_iter().filter_map(|name| modified(name).ok());
-    let newest = times.max().unwrap_or(SystemTime::UNIX_EPOCH);
-    // Another machine's clock may be ahead.
-    SystemTime::now().duration_since(newest).unwrap_or_default().as_secs_f64()
 }

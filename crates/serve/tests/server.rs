@@ -48,7 +48,7 @@ impl Served {
         let server = Server::bind(&folder.join("runs"), Ipv4Addr::LOCALHOST.into(), 0, "canter train").unwrap();
         let stop = Arc::new(AtomicBool::new(false));
         let (address, shared) = (server.address(), stop.clone());
-        let server = thread::spawn(move || server.run(&shared));
+        let server = thread::spawn(move || server.run(&shared).unwrap());
         Self { folder, address, stop, server: Some(server) }
     }
 
@@ -165,6 +165,9 @@ fn files_are_handed_out_as_they_are() {
     fs::write(run.join("eval.json"), EVAL).unwrap();
     fs::write(run.join("trajectories/learned.json"), "[1.50]").unwrap();
     fs::write(run.join("report.html"), "<h1>hello").unwrap();
+    for target in ["/report", "/report?run=", "/api/eval", "/api/metrics?from=0"] {
+        assert_eq!(served.get(target).status, 404, "{target}");
+    }
     assert_eq!(served.get("/api/eval?run=one").body, EVAL);
     assert_eq!(served.get("/api/trajectory?run=one&name=learned").body, "[1.50]");
     let report = served.get("/report?run=one");
@@ -257,6 +260,8 @@ fn nothing_outside_of_the_folder_is_shown() {
     let listing = served.listing();
     assert_eq!(ids(&listing), ["one"]);
     assert!(!listing.to_string().contains("SECRET"), "{listing}");
+    let left_out = listing["left_out"][0].as_str().unwrap();
+    assert!(left_out.ends_with("/linked: a link"), "{left_out}");
 }
 
 #[test]
@@ -291,6 +296,68 @@ fn files_that_hurt_are_said_to() {
     let response = served.get("/api/eval?run=%3Cimg+src%3Dx+onerror%3Dalert%281%29%3E");
     assert_eq!((response.status, response.header("Content-Type")), (422, "application/json"));
     assert_eq!(served.get("/api/eval?run=pipe").status, 500);
+}
+
+/// Sends these bytes and reads nothing.
+fn send(address: SocketAddr, bytes: &str) -> TcpStream {
+    let mut stream = TcpStream::connect(address).unwrap();
+    stream.write_all(bytes.as_bytes()).unwrap();
+    stream
+}
+
+#[test]
+fn nobody_can_hold_it_up() {
+    let served = Served::new("stalling");
+    let run = served.add_run("one");
+    fs::write(run.join("report.html"), vec![b' '; 60 << 20]).unwrap();
+    let host = format!("Host: {}\r\n", served.address);
+    let requests = [
+        // Nothing, half a head, a body that does not come, one that no memory has.
+        String::new(),
+        format!("GET / HTTP/1.1\r\n{host}"),
+        format!("POST /api/runs HTTP/1.1\r\n{host}Content-Length: 5000\r\n\r\n"),
+        format!("GET /api/runs HTTP/1.1\r\n{host}Content-Length: {}\r\n\r\n", 1_u64 << 60),
+        format!("GET /api/runs HTTP/1.1\r\n{host}Content-Length: {}\r\n\r\n", u64::MAX),
+        format!("GET /api/runs HTTP/1.1\r\n{host}Transfer-Encoding: chunked\r\n\r\nffffffff\r\n"),
+        // An answer that nobody reads.
+        format!("GET /report?run=one HTTP/1.1\r\n{host}\r\n"),
+        "\u{1}\u{2}\u{3}\r\n\r\n".to_owned(),
+    ];
+    let held: Vec<TcpStream> = (0..8).flat_map(|_| &requests).map(|request| send(served.address, request)).collect();
+    for _ in 0..20 {
+        assert_eq!(served.get("/api/runs").status, 200);
+    }
+    let long = format!("/{}", "x".repeat(100_000));
+    let mut stream = send(served.address, &format!("GET {long} HTTP/1.1\r\n{host}\r\n"));
+    let mut answer = String::new();
+    let _ = stream.read_to_string(&mut answer);
+    assert!(answer.is_empty() || answer.starts_with("HTTP/1.1 4"), "{answer}");
+    assert_eq!(served.get("/api/runs").status, 200);
+    // It ends while all of them still wait.
+    drop(served);
+    drop(held);
+}
+
+#[test]
+fn an_address_that_is_meant_for_a_proxy_is_nobodys() {
+    let served = Served::new("proxy");
+    let target = format!("http://{}/api/runs", served.address);
+    assert_eq!(served.ask("GET", &target, &[("Host", "evil.example")]).status, 421);
+    assert_eq!(served.ask("GET", &target, &[("Host", &served.address.to_string())]).status, 404);
+}
+
+#[test]
+fn of_too_many_runs_the_newest_are_listed() {
+    let served = Served::new("many");
+    for number in 0..1003 {
+        let run = served.add_run(&format!("run{number}"));
+        let time = std::time::SystemTime::UNIX_EPOCH + std::time::Duration::from_secs(1_000_000 + number);
+        File::options().write(true).open(run.join("config.toml")).unwrap().set_modified(time).unwrap();
+    }
+    let listing = served.listing();
+    let listed: Vec<&str> = listing["runs"].as_array().unwrap().iter().map(|run| run["id"].as_str().unwrap()).collect();
+    assert_eq!((listed.len(), listed[0], listed[999]), (1000, "run1002", "run3"));
+    assert_eq!(listing["left_out"], json!(["3 older runs"]));
 }
 
 #[test]

@@ -477,11 +477,12 @@ pub(crate) fn lock_folder(path: &Path) -> Result<File, RunError> {
     let lock_path = path.join(LOCK_NAME);
     let options = OpenOptions::new().create(true).append(true).open(&lock_path);
     let lock = options.map_err(|source| io_error(&lock_path, source))?;
-    for _ in 0..TRIES {
+    for number in 1..=TRIES {
         match lock.try_lock() {
             Ok(()) => return Ok(lock),
-            Err(TryLockError::WouldBlock) => thread::sleep(PAUSE),
             Err(TryLockError::Error(source)) => return Err(io_error(&lock_path, source)),
+            Err(TryLockError::WouldBlock) if number < TRIES => thread::sleep(PAUSE),
+            Err(TryLockError::WouldBlock) => {}
         }
     }
     Err(RunError::Locked(path.to_owned()))

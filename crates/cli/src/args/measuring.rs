@@ -98,10 +98,11 @@ Examples:
 
 The page lists runs, draws their curves while they train, holds verdicts side by side and shows
 the robot in 3D, the learned gait beside the default ones. It reads the runs' files and changes
-nothing; no other page can ask it, and no other machine. To see a training on another machine:
-ssh -L 8317:127.0.0.1:8317 THAT_MACHINE, and canter serve there.")]
+none. Pages from elsewhere and other machines are refused; other users of this machine are not.
+To see a training on another machine: ssh -L 8317:127.0.0.1:8317 THAT_MACHINE, and canter serve
+there.")]
 pub struct ServeArgs {
-    /// The folder that holds the runs, at any depth; `runs` if not given
+    /// The folder that holds the runs, up to six folders deep; `runs`, which is made, if not given
     #[arg(value_name = "RUNS")]
     pub folder: Option<PathBuf>,
     /// The port; 0 for any free one

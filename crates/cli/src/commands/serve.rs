@@ -27,10 +27,10 @@ pub fn serve(args: &ServeArgs) -> Result<ExitCode, CliError> {
         complain("warning: this canter was built without its page; the address below says how to get it");
     }
     if !args.host.is_loopback() {
-        complain("warning: every machine that reaches this one can read these runs");
+        complain("warning: every machine that reaches this one can read these runs, by this one's address in numbers");
     }
     say(&format!("{} is served at http://{}/ until Ctrl-C", folder.display(), reachable(server.address())));
-    server.run(&interrupt.stop);
+    server.run(&interrupt.stop)?;
     Ok(ExitCode::SUCCESS)
 }
 

@@ -5,13 +5,16 @@ import { at, interval, list, number, text, texts } from "./values";
 /** Nobody answers: the server was ended, or the machine is out of reach. */
 export class NoAnswer extends Error {}
 
+/** After so long nobody answers [ms]: a tunnel may be dead without saying so. */
+const PATIENCE_MS = 15_000;
+
 /** Asks for JSON. A refusal is an Error with the server's reason. */
 async function ask(path: string, parameters: Record<string, string> = {}): Promise<unknown> {
   const query = new URLSearchParams(parameters).toString();
   let response: Response;
   let answer: unknown;
   try {
-    response = await fetch(query ? `${path}?${query}` : path);
+    response = await fetch(query ? `${path}?${query}` : path, { signal: AbortSignal.timeout(PATIENCE_MS) });
     answer = await response.json();
   } catch (error) {
     throw new NoAnswer(String(error));

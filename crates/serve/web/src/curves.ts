@@ -80,8 +80,9 @@ class Chart {
   private place = element("div", { class: "plot" });
   private readout = element("p", { class: "readout" });
   private plot: uPlot | null = null;
-  /** Which runs the plot has lines for, in order. */
+  /** Which runs the plot has lines for, in order, and how far each of them is. */
   private lines = "";
+  private drawn = "";
   private shown: readonly Shown[] = [];
 
   constructor(
@@ -95,24 +96,28 @@ class Chart {
   forget(): void {
     this.plot?.destroy();
     this.plot = null;
+    this.drawn = "";
   }
 
   draw(shown: readonly Shown[]): void {
+    const drawn = JSON.stringify([this.metric, shown.map(({ id, tone, series }) => [id, tone.light, series.version])]);
+    if (drawn === this.drawn) return;
     this.shown = shown.filter(({ series }) => series.columns.has(this.metric));
     const columns = this.shown.map(({ series }) => series.columns.get(this.metric) ?? []);
-    const points = columns.reduce((sum, column) => sum + column.filter((value) => value !== null).length, 0);
+    const points = columns.reduce((sum, column) => sum + numPoints(column), 0);
     this.figure.dataset.metric = this.metric;
     this.figure.dataset.points = String(points);
     const lines = this.shown.map(({ id, tone }) => `${tone.light} ${id}`).join("\n");
     if (lines !== this.lines || points === 0) this.forget();
     this.lines = lines;
+    this.drawn = drawn;
     if (points === 0) {
       setText(this.readout, shown.length === 0 ? "" : "no number yet");
       return;
     }
     const tables: uPlot.AlignedData[] = this.shown.map(({ series }, run) => [series.envSteps, columns[run] ?? []]);
     const data = tables.length === 1 ? (tables[0] as uPlot.AlignedData) : uPlot.join(tables);
-    if (this.plot) this.plot.setData(data);
+    if (this.plot) renew(this.plot, data);
     else this.plot = new uPlot(this.options(), data, this.place);
     this.read();
   }
@@ -143,7 +148,8 @@ class Chart {
           dash: tone.dash,
           width: 1.6,
           spanGaps: true,
-          points: { show: false },
+          // A single point is no line.
+          points: { show: (plot: uPlot, line: number) => numPoints(plot.data[line] ?? []) === 1 },
         })),
       ],
       hooks: { setCursor: [() => this.read()] },
@@ -166,6 +172,21 @@ class Chart {
     const when = cursor === null ? "last" : `at ${count(steps[position] ?? null)}`;
     setChildren(this.readout, [element("span", { class: "when" }, when), ...words]);
   }
+}
+
+/** Gives a plot newer numbers; where the person has zoomed in, it stays there. */
+function renew(plot: uPlot, data: uPlot.AlignedData): void {
+  const { min, max } = plot.scales.x ?? {};
+  const steps = plot.data[0];
+  const isWhole = min === steps[0] && max === steps[steps.length - 1];
+  plot.setData(data, isWhole);
+  if (!isWhole && min != null && max != null) plot.setScale("x", { min, max });
+}
+
+function numPoints(values: ArrayLike<number | null | undefined>): number {
+  let count = 0;
+  for (let i = 0; i < values.length; i++) if (values[i] != null) count += 1;
+  return count;
 }
 
 /** The newest number that is not missing at or before a position. */

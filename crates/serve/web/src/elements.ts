@@ -30,6 +30,13 @@ export function setText(node: Element, text: string): void {
   if (node.textContent !== text) node.textContent = text;
 }
 
+/** The items of a list, made anew only where they differ. */
+export function setItems(list: Element, texts: readonly string[]): void {
+  const shown = [...list.children].map((item) => item.textContent);
+  if (shown.length === texts.length && texts.every((text, position) => text === shown[position])) return;
+  list.replaceChildren(...texts.map((text) => element("li", {}, text)));
+}
+
 /** Puts children in this order without touching those that stand right. */
 export function setChildren(parent: Element, children: readonly Element[]): void {
   for (const [position, child] of children.entries()) {

@@ -1,16 +1,20 @@
 // The list of runs.
 
 import { type Listing, type Run, reportAddress } from "./api";
-import { byId, element, setChildren, setText } from "./elements";
+import { byId, element, setChildren, setItems, setText } from "./elements";
 import { colour } from "./palette";
 import type { Selection } from "./selection";
 import { age, count, fixed, percent } from "./words";
+
+/** More notes are not read. */
+const MAX_NOTES = 20;
 
 export class RunList {
   private rows = new Map<string, Row>();
   private body = byId("runs");
   private filter = byId("filter") as HTMLInputElement;
   private listing: Listing | null = null;
+  private drawnReports = "";
 
   constructor(
     private selection: Selection,
@@ -40,7 +44,8 @@ export class RunList {
       return row.element;
     });
     setChildren(this.body, rows);
-    this.rows = new Map([...this.rows].filter(([id]) => runs.some((run) => run.id === id)));
+    const listed = new Set(runs.map((run) => run.id));
+    this.rows = new Map([...this.rows].filter(([id]) => listed.has(id)));
 
     const empty = byId("empty");
     empty.hidden = listing.runs.length > 0;
@@ -49,12 +54,16 @@ export class RunList {
     setText(byId("folder"), listing.folder);
     setText(byId("numbers"), describe(listing, runs.length));
     const notes = [...listing.leftOut, ...runs.flatMap((run) => run.problems.map((problem) => `${run.id}: ${problem}`))];
-    setChildren(byId("list-notes"), notes.slice(0, 20).map((note) => element("li", {}, note)));
-    setChildren(
-      byId("reports"),
-      listing.reports.map(({ id, kind }) => element("li", {}, reportLink(id, `${id} (${kind})`))),
-    );
-    byId("reports-part").hidden = listing.reports.length === 0;
+    setItems(byId("list-notes"), notes.slice(0, MAX_NOTES));
+    this.drawReports(listing);
+  }
+
+  private drawReports({ reports }: Listing): void {
+    const drawn = JSON.stringify(reports);
+    if (drawn === this.drawnReports) return;
+    this.drawnReports = drawn;
+    byId("reports").replaceChildren(...reports.map(({ id, kind }) => element("li", {}, reportLink(id, `${id} (${kind})`))));
+    byId("reports-part").hidden = reports.length === 0;
   }
 
   private toggle(id: string): void {
@@ -124,7 +133,9 @@ class Row {
     setText(this.cells.steps, count(run.envSteps));
     const { verdict } = run;
     setText(this.cells.speed, fixed(verdict ? verdict.speed : run.speed, 2));
-    this.cells.speed.title = verdict ? "of the learned gait, judged" : "of the last iteration, exploring";
+    this.cells.speed.title = verdict
+      ? `of the learned gait, judged: ${fixed(verdict.falls, 0)} falls in ${fixed(verdict.numEpisodes, 0)} episodes`
+      : "of the last iteration, exploring";
     setText(this.cells.ratio, verdict && verdict.ratio !== null ? `${fixed(verdict.ratio, 2)}\u00d7` : "\u2013");
     this.cells.ratio.title = ratioTitle(run);
     setText(this.cells.age, age(run.updatedS));

@@ -4,13 +4,13 @@ import "uplot/dist/uPlot.min.css";
 import "./style.css";
 import { type Listing, NoAnswer, type Run, askForEvaluation, askForMetrics, askForRuns } from "./api";
 import { Curves } from "./curves";
-import { byId, element, setText } from "./elements";
+import { byId, element, setItems, setText } from "./elements";
 import { RunList } from "./list";
 import { Series } from "./metrics";
 import { TONES, type Tone, onSchemeChange } from "./palette";
 import { Player } from "./player";
 import { Selection } from "./selection";
-import { type Judged, drawVerdicts } from "./verdicts";
+import { type Judged, Verdicts } from "./verdicts";
 
 /** How long until the next question: while a run trains, and else [ms]. */
 const SOON_MS = 1000;
@@ -33,12 +33,14 @@ class Page {
   private known = new Map<string, Known>();
   private list = new RunList(this.selection, () => this.selectionChanged());
   private curves = new Curves();
+  private verdicts = new Verdicts();
   private player = new Player();
   private view = byId("view") as HTMLSelectElement;
   private isFirst = true;
   private timer = 0;
-  /** Questions do not overtake each other. */
+  /** Questions do not overtake each other; somebody may not want to wait for the next. */
   private isAsking = false;
+  private isHurried = false;
 
   start(): void {
     this.view.addEventListener("change", () => {
@@ -50,6 +52,7 @@ class Page {
     onSchemeChange(() => {
       this.list.draw();
       this.curves.recolour();
+      this.verdicts.recolour();
       this.player.recolour();
       this.draw();
     });
@@ -58,12 +61,13 @@ class Page {
 
   private askNow(): void {
     window.clearTimeout(this.timer);
-    if (!document.hidden) void this.ask();
+    if (this.isAsking) this.isHurried = true;
+    else if (!document.hidden) void this.ask();
   }
 
   private async ask(): Promise<void> {
-    if (this.isAsking) return;
     this.isAsking = true;
+    this.isHurried = false;
     try {
       const listing = await askForRuns();
       this.listing = listing;
@@ -71,15 +75,16 @@ class Page {
       this.chooseFirst(listing);
       this.list.show(listing);
       await Promise.all(this.shownRuns().map((run) => this.refresh(run)));
+      this.draw();
       this.connection(null);
     } catch (error) {
       this.connection(error instanceof NoAnswer ? "No answer from canter serve; trying again." : String(error));
+    } finally {
+      this.isAsking = false;
+      const isTraining = this.listing?.runs.some((run) => run.state === "training");
+      const pause = this.isHurried ? 0 : isTraining ? SOON_MS : LATER_MS;
+      this.timer = window.setTimeout(() => this.askNow(), pause);
     }
-    this.isAsking = false;
-    this.draw();
-    const isTraining = this.listing?.runs.some((run) => run.state === "training");
-    window.clearTimeout(this.timer);
-    if (!document.hidden) this.timer = window.setTimeout(() => void this.ask(), isTraining ? SOON_MS : LATER_MS);
   }
 
   /** A run that was removed cannot be taken out by hand: it is in no list. */
@@ -95,10 +100,10 @@ class Page {
 
   /** Without a choice in the address the newest run is shown. */
   private chooseFirst(listing: Listing): void {
-    if (!this.isFirst) return;
-    this.isFirst = false;
     const [newest] = listing.runs;
-    if (newest && this.selection.ids().length === 0) {
+    if (!this.isFirst || !newest) return;
+    this.isFirst = false;
+    if (this.selection.ids().length === 0) {
       this.selection.add(newest.id);
       this.writeAddress();
     }
@@ -129,7 +134,7 @@ class Page {
     const asked = JSON.stringify([run.state, run.envSteps]);
     if (run.state === "training" || known.asked !== asked) {
       known.problems.metrics = await complaint(() => refreshMetrics(run.id, known.series));
-      known.asked = asked;
+      known.asked = known.problems.metrics === null ? asked : null;
     }
     const judged = JSON.stringify(run.verdict);
     if (known.judged !== judged) {
@@ -137,7 +142,7 @@ class Page {
       known.problems.evaluation = await complaint(async () => {
         if (run.verdict) known.evaluation = await askForEvaluation(run.id);
       });
-      known.judged = judged;
+      known.judged = known.problems.evaluation === null ? judged : null;
     }
   }
 
@@ -150,7 +155,7 @@ class Page {
       const broken = series.broken > 0 ? [`${run.id}: ${series.broken} lines of metrics.jsonl cannot be read`] : [];
       return problems.metrics === null ? broken : [`${run.id}: ${problems.metrics}`];
     });
-    byId("curve-notes").replaceChildren(...notes.map((note) => element("li", {}, note)));
+    setItems(byId("curve-notes"), notes);
     this.drawVerdicts(runs);
     this.drawView(runs);
   }
@@ -165,11 +170,12 @@ class Page {
       else if (evaluation === undefined) waiting.push(run.id);
       else judged.push({ id: run.id, tone: this.selection.tone(run.id), evaluation });
     }
-    drawVerdicts(judged, waiting, failed);
+    this.verdicts.draw(judged, waiting, failed);
   }
 
   private drawView(runs: readonly Run[]): void {
-    const recorded = runs.filter((run) => run.trajectories.length > 0);
+    // While a run is judged, its episodes come one by one.
+    const recorded = runs.filter((run) => run.trajectories.length > 0 && run.verdict !== null);
     const viewed = recorded.find((run) => run.id === this.selection.view) ?? recorded[0] ?? null;
     const offered = [...this.view.options].map((option) => option.value);
     if (offered.join("\n") !== recorded.map((run) => run.id).join("\n")) {

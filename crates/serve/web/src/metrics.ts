@@ -3,8 +3,8 @@
 import type { MetricsAnswer } from "./api";
 import { at, entries, number } from "./values";
 
-/** More iterations of a run are not kept. */
-const MAX_ROWS = 100_000;
+/** Of more iterations every second one is dropped: no screen shows as many. */
+export const MAX_ROWS = 20_000;
 
 /** More different numbers are not kept: a hostile file could name a new one in every line. */
 const MAX_COLUMNS = 64;
@@ -12,7 +12,7 @@ const MAX_COLUMNS = 64;
 /** Numbers of metrics.jsonl that count episodes by cause; their sum is a number too. */
 const ACCIDENTS = "accidents";
 
-/** All numbers of a run, one row an iteration. */
+/** All numbers of a run, one row an iteration, or every second, fourth ... of a long one. */
 export class Series {
   /** The horizontal axis [env steps], ascending. */
   envSteps: number[] = [];
@@ -22,6 +22,13 @@ export class Series {
   next = 0;
   /** Lines that are no iteration. */
   broken = 0;
+  /** Changes with every change. */
+  version = 0;
+  /** Iterations so far, and every which of them is kept. */
+  private numRead = 0;
+  private stride = 1;
+  /** Of the last iteration, kept or not. */
+  private lastEnvSteps = Number.NEGATIVE_INFINITY;
 
   /** Takes an answer in. False if what was there is no longer so: then everything has to be asked for again. */
   take(answer: MetricsAnswer): boolean {
@@ -29,16 +36,20 @@ export class Series {
       this.clear();
       if (answer.from !== 0) return false;
     }
-    const isContinued = this.envSteps.length > 0;
+    const isContinued = this.numRead > 0;
     for (const [position, line] of answer.lines.entries()) {
-      const isRow = this.push(line);
-      // A resume has cut the file where an older line ended, and written on.
-      if (!isRow && isContinued && position === 0 && number(at(line, "env_steps")) !== null) {
+      const envSteps = number(at(line, "env_steps"));
+      if (envSteps !== null && envSteps > this.lastEnvSteps) {
+        this.read(envSteps, line);
+      } else if (isContinued && position === 0 && envSteps !== null) {
+        // A resume has cut the file where an older line ended, and written on.
         this.clear();
         return false;
+      } else {
+        this.broken += 1;
       }
-      if (!isRow) this.broken += 1;
     }
+    if (answer.lines.length > 0) this.version += 1;
     this.broken += answer.broken;
     this.next = answer.next;
     return true;
@@ -49,19 +60,31 @@ export class Series {
     this.columns.clear();
     this.next = 0;
     this.broken = 0;
+    this.version += 1;
+    this.numRead = 0;
+    this.stride = 1;
+    this.lastEnvSteps = Number.NEGATIVE_INFINITY;
   }
 
-  private push(line: unknown): boolean {
-    const envSteps = number(at(line, "env_steps"));
-    const last = this.envSteps[this.envSteps.length - 1];
-    if (envSteps === null || (last !== undefined && envSteps <= last) || this.envSteps.length >= MAX_ROWS) return false;
+  private read(envSteps: number, line: unknown): void {
+    this.lastEnvSteps = envSteps;
+    const isKept = this.numRead % this.stride === 0;
+    this.numRead += 1;
+    if (!isKept) return;
     this.envSteps.push(envSteps);
     for (const [name, value] of flat(line)) {
       const column = this.column(name);
       if (column) column[this.envSteps.length - 1] = value;
     }
     for (const column of this.columns.values()) if (column.length < this.envSteps.length) column.push(null);
-    return true;
+    if (this.envSteps.length >= MAX_ROWS) this.thinOut();
+  }
+
+  private thinOut(): void {
+    const isKept = (_: unknown, row: number) => row % 2 === 0;
+    this.envSteps = this.envSteps.filter(isKept);
+    for (const [name, column] of this.columns) this.columns.set(name, column.filter(isKept));
+    this.stride *= 2;
   }
 
   private column(name: string): (number | null)[] | undefined {

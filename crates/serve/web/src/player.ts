@@ -58,7 +58,10 @@ export class Player {
       this.setPlaying(false);
       this.setTime(Number(this.scrubber.value));
     });
-    this.layout.addEventListener("change", () => this.build());
+    this.layout.addEventListener("change", () => {
+      this.build();
+      this.stage?.lookAtAll();
+    });
     byId("recentre").addEventListener("click", () => {
       this.stage?.lookAtAll();
       this.wake();
@@ -122,6 +125,7 @@ export class Player {
     this.timeS = 0;
     this.drawChoice();
     this.build();
+    this.stage?.lookAtAll();
     this.setPlaying(this.isAny() && !window.matchMedia("(prefers-reduced-motion: reduce)").matches);
   }
 
@@ -170,6 +174,7 @@ export class Player {
   private setPlaying(isPlaying: boolean): void {
     this.isPlaying = isPlaying && this.isAny();
     this.before = null;
+    if (this.isPlaying && this.timeS >= Number(this.scrubber.max)) this.setTime(0);
     setText(this.play, this.isPlaying ? "Pause" : "Play");
     this.wake();
   }
@@ -209,8 +214,10 @@ export class Player {
       const passedMs = this.before === null ? 0 : Math.min(now - this.before, LONGEST_FRAME_MS);
       const timeS = this.timeS + (passedMs / 1000) * Number(this.pace.value);
       this.before = now;
-      // At the end it begins again.
-      this.setTime(timeS > Number(this.scrubber.max) ? 0 : timeS);
+      const end = Number(this.scrubber.max);
+      this.setTime(Math.min(timeS, end));
+      // A page that is left open draws nothing for nobody.
+      if (timeS >= end) this.setPlaying(false);
     }
     this.stage?.draw();
   }

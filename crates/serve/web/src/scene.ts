@@ -89,6 +89,11 @@ export class Stage {
     this.camera.up.set(0, 0, 1);
     this.controls = new OrbitControls(this.camera, canvas);
     this.controls.maxPolarAngle = Math.PI * 0.495;
+    // Arrow keys move the camera, with Shift they turn it. The wheel belongs to the page until somebody has clicked here.
+    this.controls.listenToKeyEvents(canvas);
+    this.controls.enableZoom = false;
+    canvas.addEventListener("focus", () => (this.controls.enableZoom = true));
+    canvas.addEventListener("blur", () => (this.controls.enableZoom = false));
     this.controls.addEventListener("change", onMove);
     const sun = new DirectionalLight(0xffffff, 1.9);
     sun.position.set(-2, -3, 5);
@@ -109,7 +114,6 @@ export class Stage {
     this.setLanes();
     this.tilted.add(...[...this.robots, ...this.grounds].map((part) => part.object));
     this.place();
-    this.lookAtAll();
   }
 
   recolour(colours: Colours): void {

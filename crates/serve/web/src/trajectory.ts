@@ -10,7 +10,6 @@ const FARTHEST_M = 1e4;
 
 /** T steps of a robot with L legs: forward, left, up in the ground's frame [m]. */
 export interface Episode {
-  label: string;
   numSteps: number;
   numLegs: number;
   /** Time of a step [s]. */
@@ -52,7 +51,6 @@ export function readEpisode(file: unknown): Episode {
   const slopeDeg = number(at(file, "slope_deg")) ?? 0;
   if (Math.abs(slopeDeg) >= 90) throw new Error("slope_deg is not below 90");
   return {
-    label: text(at(file, "label")) ?? text(at(file, "name")) ?? "gait",
     numSteps,
     numLegs,
     dtS: positive("control_dt_s", 10),

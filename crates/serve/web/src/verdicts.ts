@@ -1,11 +1,11 @@
 // Verdicts side by side, from eval.json.
 
-import { byId, element, setText } from "./elements";
+import { byId, element, setItems, setText } from "./elements";
 import { type Tone, colour } from "./palette";
 import { at, entries, interval, number, text } from "./values";
 import { fixed } from "./words";
 
-/** A run's eval.json, or why there is none. */
+/** A run with its eval.json. */
 export interface Judged {
   id: string;
   tone: Tone;
@@ -17,6 +17,7 @@ interface Gait {
   name: string;
   tone: Tone | null;
   report: unknown;
+  numEpisodes: number | null;
   /** Times the fastest default gait, where that is part of the file. */
   ratio: number | null;
   ratioInterval: [number, number] | null;
@@ -31,7 +32,7 @@ interface Group {
 const COLUMNS: readonly { title: string; unit: string; read: (gait: Gait) => string }[] = [
   { title: "speed", unit: "m/s, 95 % interval", read: ({ report }) => withInterval(number(at(report, "speed_m_per_s")), interval(at(report, "speed_ci")), 3) },
   { title: "ratio", unit: "to the default gait", read: ({ ratio, ratioInterval }) => withInterval(ratio, ratioInterval, 2) },
-  { title: "falls", unit: "episodes", read: ({ report }) => fixed(number(at(report, "falls")), 0) },
+  { title: "falls", unit: "episodes", read: ({ report, numEpisodes }) => `${fixed(number(at(report, "falls")), 0)} of ${fixed(numEpisodes, 0)}` },
   { title: "drift", unit: "m", read: ({ report }) => fixed(number(at(report, "drift_m")), 2) },
   { title: "turn", unit: "deg", read: ({ report }) => fixed(number(at(report, "heading_deg")), 1) },
   { title: "bounce", unit: "mm", read: ({ report }) => fixed(times(number(at(report, "height_std_m")), 1e3), 1) },
@@ -39,17 +40,31 @@ const COLUMNS: readonly { title: string; unit: string; read: (gait: Gait) => str
   { title: "cost of transport", unit: "", read: ({ report }) => fixed(number(at(report, "cost_of_transport")), 2) },
 ];
 
-/** Draws the tables. `waiting` runs have no verdict yet; `failed` are said in words. */
-export function drawVerdicts(judged: readonly Judged[], waiting: readonly string[], failed: readonly string[]): void {
-  const groups = groupsOf(judged);
-  byId("verdict-tables").replaceChildren(...groups.map((group) => table(group, groups)));
-  const notes = [...failed];
-  if (waiting.length > 0) notes.push(`No verdict yet: ${waiting.join(", ")}.`);
-  if (groups.length > 1) {
-    notes.push(`These runs were not measured alike (${differences(groups).join(", ")}): do not compare numbers of different tables.`);
+/** The tables. They are made anew only where something differs: somebody may be reading them. */
+export class Verdicts {
+  private drawn: readonly unknown[] = [];
+
+  /** `waiting` runs have no verdict yet; `failed` are said in words. */
+  draw(judged: readonly Judged[], waiting: readonly string[], failed: readonly string[]): void {
+    const now = [...judged.flatMap(({ id, tone, evaluation }) => [id, tone, evaluation]), ...waiting, ...failed];
+    if (now.length === this.drawn.length && now.every((part, position) => part === this.drawn[position])) return;
+    this.drawn = now;
+    const groups = groupsOf(judged);
+    byId("verdict-tables").replaceChildren(...groups.map((group) => table(group, groups)));
+    const notes = [...failed];
+    if (waiting.length > 0) notes.push(`No verdict yet: ${waiting.join(", ")}.`);
+    if (groups.length > 1) {
+      const what = differences(groups).join(", ");
+      notes.push(`These runs were not measured alike (${what}): do not compare numbers of different tables.`);
+    }
+    setItems(byId("verdict-notes"), notes);
+    setText(byId("verdict-empty"), groups.length + notes.length === 0 ? "Choose runs in the list to see their verdicts." : "");
   }
-  byId("verdict-notes").replaceChildren(...notes.map((note) => element("li", {}, note)));
-  setText(byId("verdict-empty"), groups.length + notes.length === 0 ? "Choose runs in the list to see their verdicts." : "");
+
+  /** What is drawn next is drawn in the scheme's colours. */
+  recolour(): void {
+    this.drawn = [];
+  }
 }
 
 /** Runs that were measured alike stand in one table, with the default gaits once. */
@@ -57,12 +72,13 @@ export function groupsOf(judged: readonly Judged[]): Group[] {
   const groups = new Map<string, Group>();
   for (const { id, tone, evaluation } of judged) {
     const protocol = protocolOf(evaluation);
+    const numEpisodes = number(at(evaluation, "protocol", "num_episodes"));
     const defaults = entries(at(evaluation, "default_gaits")).slice(0, 16);
     // Another version of a robot's default gait is another measure, too.
     const key = JSON.stringify([[...protocol], defaults.map(([name, report]) => [name, number(at(report, "speed_m_per_s"))])]);
     let group = groups.get(key);
     if (!group) {
-      const gaits = defaults.map(([name, report]) => ({ name: `${name} (default)`, tone: null, report, ratio: null, ratioInterval: null }));
+      const gaits = defaults.map(([name, report]) => ({ name: `${name} (default)`, tone: null, report, numEpisodes, ratio: null, ratioInterval: null }));
       group = { protocol, gaits };
       groups.set(key, group);
     }
@@ -70,6 +86,7 @@ export function groupsOf(judged: readonly Judged[]): Group[] {
       name: id,
       tone,
       report: at(evaluation, "policy"),
+      numEpisodes,
       ratio: number(at(evaluation, "speed_ratio")),
       ratioInterval: interval(at(evaluation, "speed_ratio_ci")),
     };

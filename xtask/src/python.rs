@@ -87,6 +87,9 @@ fn put_beside_the_package(root: &Path, canter: &Path, python: &Path) -> Result<(
     for folder in [&programs, &library] {
         remove(folder)?;
     }
+    for licence in ["LICENSE", "LICENSE-MIT", "LICENSE-APACHE"] {
+        portable::copy(&root.join(licence), &programs.join(licence))?;
+    }
     portable::put(
         root,
         canter,

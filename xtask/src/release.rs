@@ -40,20 +40,22 @@ pub fn make(root: &Path, allow_changes: bool) -> Result<Vec<PathBuf>, Failure> {
     let commit = commit(root, allow_changes)?;
     let folder = target_dir(root).join("release-archives");
     remove(&folder)?;
-    let python = python_with(&python::folder(root)?, &BUILD_PACKAGES)?;
-
     // The dashboard's page is in the program.
     web::build(root)?;
+    let python = python_with(&python::folder(root)?, &BUILD_PACKAGES)?;
     let environment = same_everywhere(root, &commit)?;
     let mut build = cargo(root, "build");
     build.args(["--release", "--locked", "--package", "canter"]).envs(environment.clone());
     builds::passed(build.status().map_err(builds::cannot_start_cargo)?)?;
     let canter = build_folder(root).join("release/canter");
-    names_no_place(&canter, &[root, &cargo_home()])?;
+    names_no_place(root, &canter)?;
+    has_the_page(root, &canter)?;
 
     let archive = pack(&stage(root, &canter, &python, &folder.join("stage"))?, &folder, &commit)?;
     remove(&folder.join("stage"))?;
+    try_archive(&archive, &away())?;
     let wheel = python::wheel_of(root, &canter, &environment)?;
+    names_no_place(root, &build_folder(root).join("release/libcanter_native.so"))?;
     let beside = folder.join(wheel.file_name().unwrap_or_default());
     copy(&wheel, &beside)?;
     Ok(vec![with_hash(&archive)?, archive, with_hash(&beside)?, beside])
@@ -88,16 +90,24 @@ pub fn test(root: &Path) -> Result<(), Failure> {
         return Err(Failure::Task(format!("two archives of the same program differ: {one} and {other}")));
     }
 
-    let away = env::temp_dir().join(format!("canter-release-{}", std::process::id()));
-    let result = try_archive(&folder.join("one").join(archive_name()), &away);
-    remove(&away)?;
-    result?;
+    try_archive(&folder.join("one").join(archive_name()), &away())?;
     println!("release: {} works on its own, and is the same when made again", archive_name());
     Ok(())
 }
 
-/// Unpacks an archive and uses what is in it.
+/// A folder far from the checkout.
+fn away() -> PathBuf {
+    env::temp_dir().join(format!("canter-release-{}", std::process::id()))
+}
+
+/// Unpacks an archive into a folder, uses what is in it, and removes the folder.
 fn try_archive(archive: &Path, away: &Path) -> Result<(), Failure> {
+    let result = use_archive(archive, away);
+    remove(away)?;
+    result
+}
+
+fn use_archive(archive: &Path, away: &Path) -> Result<(), Failure> {
     fs::create_dir_all(away).map_err(|error| failed("make", away, &error))?;
     let mut tar = Command::new("tar");
     tar.arg("--extract").arg("--file").arg(archive).arg("--directory").arg(away);
@@ -124,7 +134,8 @@ fn try_archive(archive: &Path, away: &Path) -> Result<(), Failure> {
     if !mujoco.contains(&*top.to_string_lossy()) {
         return Err(Failure::Task(format!("the archive's program takes another library than its own: {mujoco}")));
     }
-    let expected = ["share/man/man1/canter.1", "share/man/man1/canter-train.1", "licenses/crates.txt"];
+    let expected =
+        ["share/man/man1/canter.1", "share/man/man1/canter-train.1", "licenses/crates.txt", "licenses/mujoco/LICENSE"];
     let completions = COMPLETIONS.map(|(_, place)| format!("share/{place}"));
     for file in expected.into_iter().chain(completions.iter().map(String::as_str)).chain(DOCUMENTS) {
         if fs::metadata(top.join(file)).map_or(0, |found| found.len()) == 0 {
@@ -151,10 +162,11 @@ fn build_folder(root: &Path) -> PathBuf {
 fn commit(root: &Path, allow_changes: bool) -> Result<Commit, Failure> {
     let git = |arguments: &[&str]| {
         let mut git = Command::new("git");
+        git.env_remove("GIT_DIR").env_remove("GIT_WORK_TREE").env_remove("GIT_INDEX_FILE");
         git.arg("-C").arg(root).args(arguments);
         finish(git, "a release is made from a commit, which Git has to know")
     };
-    let changes = git(&["status", "--porcelain"])?;
+    let changes = git(&["status", "--porcelain", "--untracked-files=all"])?;
     if !changes.is_empty() && !allow_changes {
         return Err(Failure::Task(format!(
             "a release is made from a commit, and this tree differs from it:\n{}\n\
@@ -172,15 +184,20 @@ fn same_everywhere(root: &Path, commit: &Commit) -> Result<Vec<(&'static str, Os
     let sysroot = finish(sysroot, "cannot ask rustc where it lies")?;
     let library = Path::new(sysroot.trim()).join("lib/rustlib/src/rust");
     let home = cargo_home();
-    // The last one that fits counts.
-    let places = [(root, "/canter"), (&home, "/cargo"), (&library, "/rust")];
-    let flags = places.map(|(place, shown)| format!("--remap-path-prefix={}={shown}", place.display()));
+    let mut places = vec![(root.to_path_buf(), "/canter"), (home.clone(), "/cargo"), (library, "/rust")];
+    // Named after where crates come from, which may be a mirror. The last one that fits counts.
+    let sources = fs::read_dir(home.join("registry/src")).into_iter().flatten().flatten();
+    places.extend(sources.map(|source| (source.path(), "/cargo/registry")));
+    let flags: Vec<String> =
+        places.iter().map(|(place, shown)| format!("--remap-path-prefix={}={shown}", place.display())).collect();
     Ok(vec![
         ("CARGO_TARGET_DIR", build_folder(root).into_os_string()),
         ("CARGO_ENCODED_RUSTFLAGS", flags.join("\u{1f}").into()),
         // For crates/cli/build.rs, whose own run paths name this checkout.
         ("CANTER_RUN_PATH", RUN_PATH.into()),
         ("SOURCE_DATE_EPOCH", commit.time.clone().into()),
+        // What stands there for other builds is nothing for a release.
+        ("CANTER_COMMIT", OsString::new()),
     ])
 }
 
@@ -191,16 +208,34 @@ fn cargo_home() -> PathBuf {
     )
 }
 
-/// Fails where a program names one of these folders: made in another one, it would differ.
-fn names_no_place(program: &Path, folders: &[&Path]) -> Result<(), Failure> {
+/// Fails where a program names the checkout or cargo's folder: made in another one, it would differ.
+fn names_no_place(root: &Path, program: &Path) -> Result<(), Failure> {
+    // Not the folders themselves: `/src` stands in other paths too.
+    let places = [root.join("crates"), root.join("python/src"), cargo_home().join("registry/src")];
     let content = fs::read(program).map_err(|error| failed("read", program, &error))?;
-    for folder in folders {
-        let name = folder.to_string_lossy();
-        if content.windows(name.len()).any(|part| part == name.as_bytes()) {
-            return Err(Failure::Task(format!("{} names {name}, where it was made", program.display())));
+    for place in places {
+        if contains(&content, place.to_string_lossy().as_bytes()) {
+            return Err(Failure::Task(format!("{} names {}, where it was made", program.display(), place.display())));
         }
     }
     Ok(())
+}
+
+/// Fails where the program was built without the dashboard's page, or with an older one.
+fn has_the_page(root: &Path, program: &Path) -> Result<(), Failure> {
+    let content = fs::read(program).map_err(|error| failed("read", program, &error))?;
+    let script = web::script(root);
+    let page = fs::read(&script).map_err(|error| failed("read", &script, &error))?;
+    if contains(&content, &page) {
+        return Ok(());
+    }
+    Err(Failure::Task(format!("{} does not hold {}", program.display(), script.display())))
+}
+
+fn contains(content: &[u8], part: &[u8]) -> bool {
+    // Most places already differ in the first byte.
+    let first = part.first().copied().unwrap_or_default();
+    content.windows(part.len().max(1)).any(|window| window[0] == first && window == part)
 }
 
 /// Puts all that goes into the archive into `folder`, and gives its top.
@@ -273,6 +308,8 @@ mod tests {
             let mut git = Command::new("git");
             git.arg("-C").arg(&root).args(["-c", "user.name=a", "-c", "user.email=a@b"]).args(arguments);
             git.env("GIT_COMMITTER_DATE", "1700000000 +0000");
+            git.env("GIT_CONFIG_GLOBAL", "/dev/null").env("GIT_CONFIG_SYSTEM", "/dev/null");
+            git.env_remove("GIT_DIR").env_remove("GIT_WORK_TREE").env_remove("GIT_INDEX_FILE");
             assert!(git.output().is_ok_and(|output| output.status.success()), "git {arguments:?}");
         };
         git(&["init", "--quiet"]);

@@ -203,8 +203,15 @@ impl<'a> Source<'a> {
                 Ok(Some(path.to_path_buf()))
             }
             _ => {
+                let bytes = fs::read(&from).map_err(|error| failed("read", &from, &error))?;
+                let Ok(text) = String::from_utf8(bytes) else {
+                    let to = self.folder.join(path);
+                    make_parent(&to)?;
+                    fs::copy(&from, &to).map_err(|error| failed("write", &to, &error))?;
+                    return Ok(Some(path.to_path_buf()));
+                };
                 let place = PathBuf::from(format!("{}.html", path.display()));
-                let content = format!("<pre>{}</pre>", escape(&read(&from)?));
+                let content = format!("<pre>{}</pre>", escape(&text));
                 write(&self.folder.join(&place), &page(path, &content))?;
                 Ok(Some(place))
             }

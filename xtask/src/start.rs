@@ -8,7 +8,7 @@ use std::time::Instant;
 
 use crate::markdown::{Block, blocks};
 use crate::source::read;
-use crate::{Failure, debian, python};
+use crate::{Failure, builds, debian, python};
 
 const PAGE: &str = "docs/start.md";
 
@@ -46,7 +46,7 @@ pub fn run(root: &Path, is_full: bool) -> Result<(), Failure> {
             }
             _ => continue,
         };
-        let printed = run_block(block, place, is_full)?;
+        let printed = run_block(root, block, place, is_full)?;
         num_run += 1;
         if let Some(expected) = blocks.get(index + 1).filter(|next| next.language == "text") {
             hold(expected, &printed)?;
@@ -70,11 +70,13 @@ fn fresh(root: &Path, name: &str) -> Result<PathBuf, Failure> {
 }
 
 /// Runs a block as one script that ends with the first command that fails, and gives what it printed.
-fn run_block(block: &Block<'_>, folder: &Path, is_full: bool) -> Result<String, Failure> {
+fn run_block(root: &Path, block: &Block<'_>, folder: &Path, is_full: bool) -> Result<String, Failure> {
     let script = if is_full { block.lines.join("\n") } else { shorter(block) };
     let place = format!("{PAGE}:{}", block.line);
     let mut bash = Command::new("bash");
     bash.args(["-euo", "pipefail", "-c", &script]).current_dir(folder);
+    // What was built is used again, wherever a relative folder counted from.
+    bash.env("CARGO_TARGET_DIR", builds::target_dir(root));
     let output = bash.output().map_err(|error| Failure::Task(format!("cannot run bash: {error}")))?;
     let printed = String::from_utf8_lossy(&output.stdout).into_owned();
     if output.status.success() {

@@ -2,7 +2,7 @@
 
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
+use std::process::Command;
 use std::time::SystemTime;
 
 use crate::Failure;
@@ -11,10 +11,16 @@ use crate::full::finish;
 /// What the page is made of, below `crates/serve/web`.
 const SOURCES: [&str; 5] = ["src", "build.mjs", "package.json", "package-lock.json", "tsconfig.json"];
 
-/// Whether npm can be called.
+/// The oldest Node that builds the page.
+const OLDEST_NODE: u32 = 18;
+
+/// Whether npm can be called, with a Node that is new enough.
 pub fn has_npm() -> bool {
-    let npm = Command::new("npm").arg("--version").stdout(Stdio::null()).stderr(Stdio::null()).status();
-    npm.is_ok_and(|status| status.success())
+    let ask = |program| Command::new(program).arg("--version").output().ok().filter(|output| output.status.success());
+    let node = ask("node").map(|output| String::from_utf8_lossy(&output.stdout).into_owned()).unwrap_or_default();
+    // v18.20.8
+    let major = node.trim_start_matches('v').split('.').next().and_then(|major| major.parse::<u32>().ok());
+    ask("npm").is_some() && major.is_some_and(|major| major >= OLDEST_NODE)
 }
 
 /// Builds the page if it is missing or older than what it is made of. Where there is no npm, nothing is built: the program
@@ -24,6 +30,7 @@ pub fn has_npm() -> bool {
 /// What npm says.
 pub fn ensure_where_npm_is(root: &Path) -> Result<(), Failure> {
     if !has_npm() {
+        eprintln!("without Node {OLDEST_NODE} and npm the program has no page for `canter serve`, and says so there");
         return Ok(());
     }
     let web = folder(root);
@@ -46,7 +53,7 @@ pub fn try_to_ensure(root: &Path) {
 pub fn build(root: &Path) -> Result<(), Failure> {
     if !has_npm() {
         return Err(Failure::Task(
-            "the dashboard's page needs Node 18 or newer and npm (Debian, Ubuntu: `sudo apt-get install -y nodejs npm`)"
+            "the dashboard's page needs Node 18 or newer and npm (Debian 12 and newer: `sudo apt-get install -y nodejs npm`)"
                 .to_owned(),
         ));
     }
@@ -62,6 +69,11 @@ pub fn build(root: &Path) -> Result<(), Failure> {
 pub fn test(root: &Path) -> Result<(), Failure> {
     npm(root, &["run", "check"], "the page's types are wrong")?;
     npm(root, &["test"], "the page's tests fail")
+}
+
+/// The page's script, once it is built.
+pub fn script(root: &Path) -> PathBuf {
+    folder(root).join("dist").join("assets").join("app.js")
 }
 
 /// The file with the licences of the libraries in the page, once it is built.

@@ -6,12 +6,15 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 /// What the program is made of, from the repository's root. Changes elsewhere, in pages or tests, are none of the program.
-const SOURCES: [&str; 10] = [
+const SOURCES: [&str; 13] = [
     "crates/*/src",
     "crates/*/Cargo.toml",
     "crates/*/build.rs",
     "crates/*/build",
+    "crates/*/templates",
     "crates/*/web/src",
+    "crates/*/web/build.mjs",
+    "crates/*/web/package.json",
     "crates/*/web/package-lock.json",
     "presets",
     "robots",
@@ -108,7 +111,8 @@ fn short(hash: &str) -> String {
 /// What changes when HEAD moves. Cargo takes a file that is not there for changed at every build, so only what is there.
 fn places_of_head(folder: &Path) -> Vec<PathBuf> {
     let common = common_folder(folder);
-    let mut places = vec![folder.join("HEAD"), folder.join("logs/HEAD"), common.join("packed-refs")];
+    let mut places =
+        vec![folder.join("HEAD"), folder.join("logs/HEAD"), common.join("packed-refs"), common.join("reftable")];
     let head = fs::read_to_string(folder.join("HEAD")).unwrap_or_default();
     if let Some(reference) = head.trim().strip_prefix("ref: ") {
         let loose = common.join(reference);

@@ -18,6 +18,8 @@ fn git(folder: &Path, arguments: &[&str]) -> String {
     let mut git = Command::new("git");
     git.args(["-c", "init.defaultBranch=main", "-c", "protocol.file.allow=always", "-C"]).arg(folder).args(arguments);
     git.env("GIT_CONFIG_GLOBAL", "/dev/null").env("GIT_CONFIG_SYSTEM", "/dev/null");
+    // A hook's environment names another repository.
+    git.env_remove("GIT_DIR").env_remove("GIT_WORK_TREE").env_remove("GIT_INDEX_FILE");
     for role in ["AUTHOR", "COMMITTER"] {
         git.env(format!("GIT_{role}_NAME"), "a").env(format!("GIT_{role}_EMAIL"), "a@b");
         git.env(format!("GIT_{role}_DATE"), "2026-03-04T23:30:00 +0200");
@@ -129,4 +131,48 @@ fn changed(place: &Path) -> std::time::SystemTime {
     let own = fs::metadata(place).unwrap().modified().unwrap();
     let inside = fs::read_dir(place).into_iter().flatten().flatten().map(|entry| changed(&entry.path()));
     inside.chain([own]).max().unwrap()
+}
+
+#[test]
+fn every_file_that_is_compiled_in_counts() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..").canonicalize().unwrap();
+    let sources = stamp::of(&root, None, "git").depends_on;
+    if sources.is_empty() {
+        // Not a repository: an archive of the sources.
+        return;
+    }
+    let sources: Vec<PathBuf> = sources.iter().map(|source| source.canonicalize().unwrap()).collect();
+    let mut folders: Vec<PathBuf> =
+        fs::read_dir(root.join("crates")).unwrap().map(|entry| entry.unwrap().path().join("src")).collect();
+    let mut num_included = 0;
+    while let Some(folder) = folders.pop() {
+        for entry in fs::read_dir(&folder).unwrap().map(|entry| entry.unwrap().path()) {
+            if entry.is_dir() {
+                folders.push(entry);
+                continue;
+            }
+            let source = fs::read_to_string(&entry).unwrap_or_default();
+            for macro_name in ["include_str!(\"", "include_bytes!(\""] {
+                for (position, _) in source.match_indices(macro_name) {
+                    let name = source[position + macro_name.len()..].split('"').next().unwrap();
+                    // Tests of a module may read files that no program holds.
+                    let included = folder.join(name);
+                    if included.components().any(|part| part.as_os_str() == "tests") {
+                        continue;
+                    }
+                    let included =
+                        included.canonicalize().unwrap_or_else(|error| panic!("{}: {error}", included.display()));
+                    num_included += 1;
+                    let counts = sources.iter().any(|source| included.starts_with(source));
+                    assert!(
+                        counts,
+                        "{} is in the program by {}, but not in SOURCES",
+                        included.display(),
+                        entry.display()
+                    );
+                }
+            }
+        }
+    }
+    assert!(num_included >= 10, "{num_included}");
 }

@@ -244,7 +244,8 @@ impl Place {
 
     /// The names of the recorded gaits, the learned one first.
     pub fn trajectories(&self) -> Vec<String> {
-        let entries = fs::read_dir(self.path.join("trajectories")).into_iter().flatten().flatten();
+        let folder = self.path.join("trajectories").canonicalize().ok().filter(|folder| folder.starts_with(&self.root));
+        let entries = folder.and_then(|folder| fs::read_dir(folder).ok()).into_iter().flatten().flatten();
         let mut names: Vec<String> =
             entries.filter_map(|entry| entry.file_name().to_str()?.strip_suffix(".json").map(str::to_owned)).collect();
         names.sort_by_key(|name| (name != "learned", name.clone()));

@@ -80,20 +80,14 @@ pub struct Verdict {
 /// Looks at a run's files.
 pub fn of(run: &Place) -> Summary {
     let mut problems = Vec::new();
-    let config = read(run, "config.toml", &mut problems).and_then(|text| match toml::from_str::<toml::Table>(&text) {
-        Ok(config) => Some(config),
-        Err(error) => {
-            problems.push(format!("config.toml: {}", error.message()));
-            None
-        }
+    let config: Option<toml::Table> = read(run, "config.toml", &mut problems).and_then(|text| {
+        let config = toml::from_str(&text);
+        config.map_err(|error| problems.push(format!("config.toml: {}", error.message()))).ok()
     });
     let of_config = |key| config.as_ref().and_then(|config| config.get(key));
-    let eval = read(run, "eval.json", &mut problems).and_then(|text| match serde_json::from_str::<Value>(&text) {
-        Ok(eval) => Some(eval),
-        Err(error) => {
-            problems.push(format!("eval.json: {error}"));
-            None
-        }
+    let eval: Option<Value> = read(run, "eval.json", &mut problems).and_then(|text| {
+        let eval = serde_json::from_str(&text);
+        eval.map_err(|error| problems.push(format!("eval.json: {error}"))).ok()
     });
     let last = last_line(run);
     let of_last = |key| last.as_ref().and_then(|line| line[key].as_f64());

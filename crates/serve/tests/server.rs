@@ -260,6 +260,7 @@ fn nothing_outside_of_the_folder_is_shown() {
     let listing = served.listing();
     assert_eq!(ids(&listing), ["one"]);
     assert!(!listing.to_string().contains("SECRET"), "{listing}");
+    assert_eq!(listing["runs"][0]["trajectories"], json!([]));
     let left_out = listing["left_out"][0].as_str().unwrap();
     assert!(left_out.ends_with("/linked: a link"), "{left_out}");
 }

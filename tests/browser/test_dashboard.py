@@ -9,6 +9,7 @@ CANTER is the program, built with its page. FOLDER is emptied; runs are trained 
 import http.client
 import json
 import pathlib
+import re
 import shutil
 import signal
 import subprocess
@@ -25,8 +26,6 @@ SHORT = [
     "training.horizon=32", "training.max_env_steps=1024", "ppo.minibatch_size=64", "evaluation.num_episodes=2",
     "evaluation.episode_s=3.0",
 ]
-# One that takes some seconds, and can be seen at it.
-SOME_SECONDS = [*SHORT, "training.max_env_steps=60000"]
 # One that ends when it is told to.
 LONG = ["training.max_env_steps=100000000", "training.horizon=64"]
 
@@ -135,21 +134,19 @@ def check_live(browser, server, canter, runs):
 
 def check_end(browser, server, canter, runs):
     """A run that is shown before its end gets its verdict and its robot without a reload."""
-    select(browser, server)
+    select(browser, server, "live")
     browser.evaluate("window.isTheSamePage = true")
-    training = train(canter, runs / "ends", SOME_SECONDS)
-    try:
-        browser.until(f"{row('ends')} && {row('ends')}.dataset.state === 'training'", "a training does not appear")
-        browser.evaluate(f"{row('ends')}.querySelector('input[type=checkbox]').click()")
-        browser.until("document.getElementById('verdict-notes').textContent.includes('ends')", "a run waits for no verdict")
-    finally:
-        code = training.wait(timeout=120)
-    check(code == 0, f"a training ended with {code}")
-    browser.until(f"{row('ends')}.dataset.state === 'finished'", "a verdict is not seen")
-    judged = "[...document.querySelectorAll('#verdict-tables tbody th')].some(name => name.textContent === 'ends')"
+    browser.until("document.getElementById('verdict-notes').textContent.includes('live')", "a run waits for no verdict")
+    # All its env steps are done, so that what is left is to judge it.
+    config = (runs / "live/config.toml").read_text()
+    ended, number = re.subn(r"(?m)^max_env_steps = .*", "max_env_steps = 1", config)
+    check(number == 1, "config.toml has no max_env_steps")
+    (runs / "live/config.toml").write_text(ended)
+    code = subprocess.run([canter, "resume", str(runs / "live")], stdout=subprocess.DEVNULL, timeout=300).returncode
+    check(code == 0, f"canter resume ended with {code}")
+    browser.until(f"{row('live')}.dataset.state === 'finished'", "a verdict is not seen")
+    judged = "[...document.querySelectorAll('#verdict-tables tbody th')].some(name => name.textContent === 'live')"
     browser.until(judged, "a verdict does not appear")
-    browser.evaluate("document.getElementById('view').value = 'ends'")
-    browser.evaluate("document.getElementById('view').dispatchEvent(new Event('change'))")
     browser.until("document.getElementById('canvas').dataset.gaits === '2'", "a robot does not appear")
     check(browser.evaluate("window.isTheSamePage"), "the page was loaded again")
     check_no_complaints(browser, server, "a run's end")

@@ -67,9 +67,10 @@ pub fn test(root: &Path) -> Result<(), Failure> {
     passed(status)
 }
 
-/// Tests of films, which need OpenGL and ffmpeg: plain `cargo test` leaves them out.
+/// Tests of films, which need OpenGL and ffmpeg: plain `cargo test` leaves them out. Of the whole workspace, here and below:
+/// a package alone has other features, and would be built anew.
 pub fn test_films(root: &Path) -> Result<(), Failure> {
-    let films = ["--release", "--package", "canter-train", "--package", "canter", "--test", "film", "--", "--ignored"];
+    let films = ["--release", "--workspace", "--test", "film", "--", "--ignored"];
     passed(cargo(root, "test").args(films).status().map_err(cannot_start_cargo)?)
 }
 
@@ -81,7 +82,8 @@ pub fn test_png(root: &Path) -> Result<(), Failure> {
 
 /// Tests of exports with other people's programs: plain `cargo test` leaves them out.
 pub fn test_exports(root: &Path, python: &Path) -> Result<(), Failure> {
-    let exports = ["--release", "--package", "canter-export", "--", "--ignored", "--nocapture"];
+    let tests = ["--test", "agreement", "--test", "onnx"];
+    let exports = [&["--release", "--workspace"], &tests[..], &["--", "--ignored", "--nocapture"]].concat();
     passed(cargo(root, "test").args(exports).env("CANTER_PYTHON", python).status().map_err(cannot_start_cargo)?)
 }
 
@@ -99,7 +101,7 @@ pub fn test_ranks(root: &Path) -> Result<(), Failure> {
 
 /// Tests of full and read-only disks, which have to be mounted: plain `cargo test` leaves them out.
 pub fn test_disks(root: &Path) -> Result<(), Failure> {
-    let disks = ["--release", "--package", "canter", "--test", "reliability", "disk::", "--", "--ignored"];
+    let disks = ["--release", "--workspace", "--test", "reliability", "disk::", "--", "--ignored"];
     passed(cargo(root, "test").args(disks).status().map_err(cannot_start_cargo)?)
 }
 

@@ -6,6 +6,7 @@ use std::process::Command;
 
 use crate::Failure;
 use crate::builds;
+use crate::files::{failed, make, remove};
 
 /// The version that reads the event file; its own dependencies are the newest that pip finds.
 const TENSORBOARD: &str = "2.20.0";
@@ -32,14 +33,12 @@ const TINY_TRAINING: [&str; 10] = [
 /// Says what TensorBoard sees and should not, or what could not be fetched.
 pub fn tensorboard(root: &Path) -> Result<(), Failure> {
     let folder = builds::target_dir(root).join("full");
-    fs::create_dir_all(&folder).map_err(|error| Failure::Task(format!("cannot make {}: {error}", folder.display())))?;
+    make(&folder)?;
     let python = python_with(&folder, &TENSORBOARD_PACKAGES)?;
     let canter = builds::build_canter(root)?;
 
     let run = folder.join("tensorboard-run");
-    if run.exists() {
-        fs::remove_dir_all(&run).map_err(|error| Failure::Task(format!("cannot remove {}: {error}", run.display())))?;
-    }
+    remove(&run)?;
     let mut train = Command::new(&canter);
     train.arg("train").arg("--out").arg(&run);
     for setting in TINY_TRAINING {
@@ -48,7 +47,7 @@ pub fn tensorboard(root: &Path) -> Result<(), Failure> {
     finish(train, "the training for TensorBoard failed")?;
     // As if it had been killed in iteration 7 or 8: their steps must not be there twice after the resume.
     let newest = run.join("checkpoints").join("00000008.safetensors");
-    fs::remove_file(&newest).map_err(|error| Failure::Task(format!("cannot remove {}: {error}", newest.display())))?;
+    fs::remove_file(&newest).map_err(|error| failed("remove", &newest, &error))?;
     let mut resume = Command::new(&canter);
     resume.arg("resume").arg(&run);
     finish(resume, "the resume for TensorBoard failed")?;
@@ -66,7 +65,7 @@ pub fn tensorboard(root: &Path) -> Result<(), Failure> {
 /// An export that differs, or what could not be fetched.
 pub fn exports(root: &Path) -> Result<(), Failure> {
     let folder = builds::target_dir(root).join("full");
-    fs::create_dir_all(&folder).map_err(|error| Failure::Task(format!("cannot make {}: {error}", folder.display())))?;
+    make(&folder)?;
     let python = python_with(&folder, &EXPORT_PACKAGES)?;
     builds::test_exports(root, &python)
 }

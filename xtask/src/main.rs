@@ -4,6 +4,7 @@ mod browser;
 mod builds;
 mod debian;
 mod equations;
+mod files;
 mod full;
 mod layering;
 mod link_check;
@@ -158,7 +159,7 @@ fn run(task: Option<OsString>, arguments: &[OsString]) -> Result<(), Failure> {
                 return release::test(&root);
             }
             debian::ensure_npm()?;
-            for path in release::make(&root, allow_changes)? {
+            for path in release::archives(&root, allow_changes)? {
                 println!("{}", path.display());
             }
             Ok(())

@@ -1,10 +1,10 @@
 //! The program as it leaves this checkout: stripped, with MuJoCo's library and licences in folders of their own.
 
-use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{Command, Stdio};
 
 use crate::builds::{self, cargo};
+use crate::files::{copy, files};
 use crate::full::{Packages, finish};
 use crate::{Failure, mujoco, web};
 
@@ -75,26 +75,4 @@ fn list_crates(root: &Path, packages: &[&str], to: &Path) -> Result<(), Failure>
     list.stdin(metadata.stdout.take().map_or_else(Stdio::null, Stdio::from));
     finish(list, "cannot list the licences of the crates inside")?;
     builds::passed(metadata.wait().map_err(builds::cannot_start_cargo)?)
-}
-
-/// The files in a folder.
-pub fn files(folder: &Path) -> Result<Vec<PathBuf>, Failure> {
-    let entries = fs::read_dir(folder).map_err(|error| failed("read", folder, &error))?;
-    Ok(entries.filter_map(Result::ok).map(|entry| entry.path()).filter(|path| path.is_file()).collect())
-}
-
-/// Removes a folder, if it is there.
-pub fn remove(folder: &Path) -> Result<(), Failure> {
-    if folder.exists() { fs::remove_dir_all(folder).map_err(|error| failed("remove", folder, &error)) } else { Ok(()) }
-}
-
-/// Copies a file into a folder that need not be there yet.
-pub fn copy(from: &Path, to: &Path) -> Result<(), Failure> {
-    let parent = to.parent().unwrap_or(to);
-    fs::create_dir_all(parent).map_err(|error| failed("make", parent, &error))?;
-    fs::copy(from, to).map(drop).map_err(|error| failed("write", to, &error))
-}
-
-pub fn failed(what: &str, path: &Path, error: &std::io::Error) -> Failure {
-    Failure::Task(format!("cannot {what} {}: {error}", path.display()))
 }

@@ -5,8 +5,9 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
+use crate::files::{copy, make, remove};
 use crate::full::{finish, python_with};
-use crate::portable::{self, BUILD_PACKAGES, Places, failed, remove};
+use crate::portable::{self, BUILD_PACKAGES, Places};
 use crate::{Failure, builds};
 
 /// What the tests need beside the package.
@@ -88,7 +89,7 @@ fn put_beside_the_package(root: &Path, canter: &Path, python: &Path) -> Result<(
         remove(folder)?;
     }
     for licence in ["LICENSE", "LICENSE-MIT", "LICENSE-APACHE"] {
-        portable::copy(&root.join(licence), &programs.join(licence))?;
+        copy(&root.join(licence), &programs.join(licence))?;
     }
     portable::put(
         root,
@@ -108,6 +109,6 @@ fn put_beside_the_package(root: &Path, canter: &Path, python: &Path) -> Result<(
 /// Where everything of this module lies.
 pub fn folder(root: &Path) -> Result<PathBuf, Failure> {
     let folder = builds::target_dir(root).join("python");
-    fs::create_dir_all(&folder).map_err(|error| failed("make", &folder, &error))?;
+    make(&folder)?;
     Ok(folder)
 }

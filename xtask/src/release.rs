@@ -9,8 +9,9 @@ use std::process::Command;
 use std::time::UNIX_EPOCH;
 
 use crate::builds::{self, cargo, target_dir};
+use crate::files::{copy, failed, make, remove, write};
 use crate::full::{finish, python_with};
-use crate::portable::{self, BUILD_PACKAGES, MACHINE, Places, copy, failed, remove};
+use crate::portable::{self, BUILD_PACKAGES, MACHINE, Places};
 use crate::{Failure, python, web};
 
 /// Where the program in the archive looks for MuJoCo's library.
@@ -36,7 +37,7 @@ struct Commit {
 ///
 /// # Errors
 /// A tree with changes, unless they are allowed; what could not be built.
-pub fn make(root: &Path, allow_changes: bool) -> Result<Vec<PathBuf>, Failure> {
+pub fn archives(root: &Path, allow_changes: bool) -> Result<Vec<PathBuf>, Failure> {
     let commit = commit(root, allow_changes)?;
     let folder = target_dir(root).join("release-archives");
     remove(&folder)?;
@@ -108,7 +109,7 @@ fn try_archive(archive: &Path, away: &Path) -> Result<(), Failure> {
 }
 
 fn use_archive(archive: &Path, away: &Path) -> Result<(), Failure> {
-    fs::create_dir_all(away).map_err(|error| failed("make", away, &error))?;
+    make(away)?;
     let mut tar = Command::new("tar");
     tar.arg("--extract").arg("--file").arg(archive).arg("--directory").arg(away);
     finish(tar, "the archive cannot be unpacked")?;
@@ -261,10 +262,7 @@ fn stage(root: &Path, canter: &Path, python: &Path, folder: &Path) -> Result<Pat
         let mut completions = Command::new(places.program);
         completions.args(["completions", shell]);
         let script = finish(completions, "the program wrote no completions")?;
-        let path = share.join(place);
-        let parent = path.parent().unwrap_or(&path);
-        fs::create_dir_all(parent).map_err(|error| failed("make", parent, &error))?;
-        fs::write(&path, script).map_err(|error| failed("write", &path, &error))?;
+        write(&share.join(place), &script)?;
     }
     Ok(top)
 }
@@ -286,7 +284,7 @@ fn pack(top: &Path, folder: &Path, commit: &Commit) -> Result<PathBuf, Failure> 
 fn with_hash(file: &Path) -> Result<PathBuf, Failure> {
     let name = file.file_name().unwrap_or_default().to_string_lossy();
     let path = file.with_file_name(format!("{name}.sha256"));
-    fs::write(&path, format!("{}  {name}\n", hash(file)?)).map_err(|error| failed("write", &path, &error))?;
+    write(&path, &format!("{}  {name}\n", hash(file)?))?;
     Ok(path)
 }
 

@@ -12,6 +12,7 @@ use std::path::{Component, Path, PathBuf};
 use std::process::Command;
 
 use crate::builds::target_dir;
+use crate::files::{copy, failed, remove, write};
 use crate::full::finish;
 use crate::markdown::links;
 use crate::source::read;
@@ -31,9 +32,7 @@ const SHOWN_AS_THEY_ARE: [&str; 6] = ["html", "svg", "json", "csv", "gif", "png"
 /// A page of `docs/` that is no chapter, a link to a file that is not there, or what mdBook says.
 pub fn build(root: &Path) -> Result<PathBuf, Failure> {
     let folder = target_dir(root).join("site-source");
-    if folder.exists() {
-        fs::remove_dir_all(&folder).map_err(|error| failed("remove", &folder, &error))?;
-    }
+    remove(&folder)?;
     let source = Source::compose(root, folder.join("src"))?;
     if !source.problems.is_empty() {
         return Err(Failure::Task(source.problems.join("\n")));
@@ -198,16 +197,14 @@ impl<'a> Source<'a> {
             Some("md") => Ok(None),
             Some(extension) if SHOWN_AS_THEY_ARE.contains(&extension) => {
                 let to = self.folder.join(path);
-                make_parent(&to)?;
-                fs::copy(&from, &to).map_err(|error| failed("write", &to, &error))?;
+                copy(&from, &to)?;
                 Ok(Some(path.to_path_buf()))
             }
             _ => {
                 let bytes = fs::read(&from).map_err(|error| failed("read", &from, &error))?;
                 let Ok(text) = String::from_utf8(bytes) else {
                     let to = self.folder.join(path);
-                    make_parent(&to)?;
-                    fs::copy(&from, &to).map_err(|error| failed("write", &to, &error))?;
+                    copy(&from, &to)?;
                     return Ok(Some(path.to_path_buf()));
                 };
                 let place = PathBuf::from(format!("{}.html", path.display()));
@@ -261,20 +258,6 @@ fn names(folder: &Path) -> Result<Vec<String>, Failure> {
         entries.filter_map(Result::ok).map(|entry| entry.file_name().to_string_lossy().into_owned()).collect();
     names.sort();
     Ok(names)
-}
-
-fn write(path: &Path, content: &str) -> Result<(), Failure> {
-    make_parent(path)?;
-    fs::write(path, content).map_err(|error| failed("write", path, &error))
-}
-
-fn make_parent(path: &Path) -> Result<(), Failure> {
-    let parent = path.parent().unwrap_or(path);
-    fs::create_dir_all(parent).map_err(|error| failed("make", parent, &error))
-}
-
-fn failed(what: &str, path: &Path, error: &std::io::Error) -> Failure {
-    Failure::Task(format!("cannot {what} {}: {error}", path.display()))
 }
 
 #[cfg(test)]

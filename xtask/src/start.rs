@@ -1,11 +1,11 @@
 //! Runs the newcomer's page, `docs/start.md`, as a newcomer would: block by block, in a fresh folder, and holds what it
 //! prints against what the page says.
 
-use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::Instant;
 
+use crate::files::{copy, make, remove};
 use crate::markdown::{Block, blocks};
 use crate::source::read;
 use crate::{Failure, builds, debian, python};
@@ -40,8 +40,7 @@ pub fn run(root: &Path, is_full: bool) -> Result<(), Failure> {
             "sh wheel" => {
                 let wheel = python::wheel(root)?;
                 let name = wheel.file_name().unwrap_or_default();
-                fs::copy(&wheel, wheel_folder.join(name))
-                    .map_err(|error| Failure::Task(format!("cannot copy {}: {error}", wheel.display())))?;
+                copy(&wheel, &wheel_folder.join(name))?;
                 &wheel_folder
             }
             _ => continue,
@@ -61,11 +60,8 @@ pub fn run(root: &Path, is_full: bool) -> Result<(), Failure> {
 fn fresh(root: &Path, name: &str) -> Result<PathBuf, Failure> {
     // Inside of the checkout, wherever cargo builds: `cargo canter` is known nowhere else.
     let folder = root.join("target").join(name);
-    if folder.exists() {
-        fs::remove_dir_all(&folder)
-            .map_err(|error| Failure::Task(format!("cannot remove {}: {error}", folder.display())))?;
-    }
-    fs::create_dir_all(&folder).map_err(|error| Failure::Task(format!("cannot make {}: {error}", folder.display())))?;
+    remove(&folder)?;
+    make(&folder)?;
     Ok(folder)
 }
 

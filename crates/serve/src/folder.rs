@@ -132,8 +132,7 @@ impl Folder {
         if id.is_empty() {
             return Err(Refusal::NoRun(String::new()));
         }
-        let is_below = id == "." || Path::new(id).components().all(|part| matches!(part, Component::Normal(_)));
-        if !is_below {
+        if id != "." && !leads_down(id) {
             return Err(Refusal::Outside(id.to_owned()));
         }
         let path = self.root.join(id).canonicalize().map_err(|_| Refusal::NoRun(id.to_owned()))?;
@@ -211,10 +210,9 @@ impl Place {
     /// # Errors
     /// If it is not there, is no ordinary file, or lies outside the served folder.
     pub fn open(&self, name: &str) -> Result<File, Refusal> {
-        let is_below = Path::new(name).components().all(|part| matches!(part, Component::Normal(_)));
         let cannot = |error| Refusal::File(name.to_owned(), error);
         let path = self.path.join(name).canonicalize().map_err(cannot)?;
-        if !is_below || !path.starts_with(&self.root) {
+        if !leads_down(name) || !path.starts_with(&self.root) {
             return Err(Refusal::Outside(name.to_owned()));
         }
         // Opening a pipe would wait for its writer.
@@ -251,6 +249,11 @@ impl Place {
         names.sort_by_key(|name| (name != "learned", name.clone()));
         names
     }
+}
+
+/// Whether a name is a way down from where it counts.
+fn leads_down(name: &str) -> bool {
+    Path::new(name).components().all(|part| matches!(part, Component::Normal(_)))
 }
 
 /// What `canter train` makes before its first iteration.
